@@ -1,0 +1,1 @@
+"""How one asks: the service (brought by a later issue)."""
