@@ -1,0 +1,129 @@
+"""What an inspection says: scored frames, deviations, the verdict; judging is a fold over scores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class FrameState(StrEnum):
+    """What could be said of one frame."""
+
+    SCORED = "scored"
+    """Compared with what should be there."""
+    WAITING = "waiting"
+    """The part has not come into the picture yet: the sweep has not begun."""
+    AMBIGUOUS = "ambiguous"
+    """More than one place of the sweep looks like this: not scored, counts against coverage."""
+    LOST = "lost"
+    """No place of the sweep looks like this: not scored, counts against coverage."""
+    BLIND = "blind"
+    """No usable picture: lamp out, lens covered, saturated."""
+
+
+class Judgement(StrEnum):
+    """The verdict on one part."""
+
+    OK = "OK"
+    NG = "NG"
+    REVIEW = "REVIEW"
+    INCOMPLETE = "INCOMPLETE"
+    INVALID = "INVALID"
+
+
+@dataclass(frozen=True)
+class Policy:
+    """Thresholds, apart from what was learnt; changed without learning again."""
+
+    sensitivity: float = 1.0
+    """Multiplies every score: above 1 finds weaker defects, below 1 forgives more."""
+    review_margin: float = 0.1
+    """A highest score within this share below the threshold asks for REVIEW instead of OK."""
+    hysteresis: float = 0.7
+    """A deviation that reached 1.0 goes on while the score stays above this."""
+    coverage: float = 0.95
+    """Share of the sweep that must have been scored; less is INCOMPLETE."""
+    invalid_share: float = 0.5
+    """More than this share of frames without a known place (or blind) is INVALID."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A place in the frame as recorded, in pixels; score 1.0 is the threshold."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    score: float
+    polarity: str
+    """`bright` or `dark`, against what should be there."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Three ways to be wrong, each 1.0 at its threshold."""
+
+    appearance: float
+    """A look never seen: local comparison and distance from the eigenspace."""
+    position: float
+    """In the space but off the curve: bumped camera, wrong placement."""
+    timing: float
+    """Right looks at the wrong pace."""
+
+
+@dataclass(frozen=True)
+class ScoredFrame:
+    """What the inspection says of one frame."""
+
+    index: int
+    """Counts the frames of the inspection from 0."""
+    t_ns: int
+    state: FrameState
+    s: float | None
+    """Sweep coordinate in [0, 1], None where the place is not known."""
+    score: float
+    """1.0 at the threshold; 0.0 where `state` is not `scored`."""
+    raw_score: float
+    """Evidence in grey levels before thresholds."""
+    residuals: Residuals
+    regions: tuple[Region, ...] = ()
+    reference: int = -1
+    """Index of the reference picture compared with, -1 where none was."""
+    placement: tuple[float, ...] = ()
+    """Affine (a, b, c, d, e, f): reference pixel (u, v) lies at (a u + b v + c, d u + e v + f) of the frame."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A stretch of the sweep out of tolerance: s_start <= s < s_end, index_start <= index < index_end."""
+
+    s_start: float
+    s_end: float
+    index_start: int
+    index_end: int
+    kind: str
+    """`appearance`, `position` or `timing`."""
+    polarity: str | None
+    peak_score: float
+    peak_index: int
+    regions: tuple[Region, ...] = ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """What `conclude` returns."""
+
+    verdict: Judgement
+    reasons: tuple[str, ...]
+    """A sentence for each thing that decided the verdict."""
+    coverage: float
+    """Share of the sweep's places that were scored, in [0, 1]."""
+    frames_scored: int
+    frames_dropped: int
+    """Frames that the camera counted but that never came (gaps in `sequence`)."""
+    deviations: tuple[Deviation, ...]
+    appearance_id: str
+    digest: str
+    """sha256 over appearance, policy and every scored frame; not over ids and clocks."""
+    frames: tuple[ScoredFrame, ...] = field(repr=False, default=())
