@@ -1,0 +1,136 @@
+"""What a recording says of itself before it is read: topics, counts, where the chunks are, facts of the sweep."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Footer, Message, Metadata, Schema, Statistics
+
+from inspector.recording.framing import MAGIC, PREFIX, Damage, RecordScan
+
+FOOTER_BYTES = PREFIX.size + 20
+FACTS = "sweep"
+"""Name of the metadata record that carries the facts of the sweep."""
+LOST_INDEX = "the index at the end of the file is missing or damaged; every frame before it was read without it"
+
+
+@dataclass
+class Survey:
+    """Every channel of a recording, with its schema and the number of its messages."""
+
+    channels: dict[int, Channel] = field(default_factory=dict[int, Channel])
+    schemas: dict[int, Schema] = field(default_factory=dict[int, Schema])
+    counts: Mapping[int, int] = field(default_factory=dict[int, int])
+    chunks: dict[int, int] = field(default_factory=dict[int, int])
+    """Length of each chunk by its offset, as far as known."""
+    note: str | None = None
+    """What is wrong with the summary, where something is."""
+
+    def add(self, record: object) -> None:
+        match record:
+            case Schema():
+                self.schemas[record.id] = record
+            case Channel():
+                self.channels[record.id] = record
+            case ChunkIndex():
+                self.chunks[record.chunk_start_offset] = record.chunk_length
+            case Statistics():
+                self.counts = record.channel_message_counts
+            case _:
+                pass
+
+
+KINDS = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.STATISTICS: Statistics,
+}
+
+
+def survey_summary(file: BinaryIO) -> Survey | None:
+    """The survey from the summary at the end of the file; None when it has none, or not a complete one.
+
+    ValueError when the summary is damaged, or cut off.
+    """
+    try:
+        section = _summary_section(file)
+        return _survey(section) if section else None
+    except (McapError, struct.error, UnicodeDecodeError) as error:
+        raise ValueError(LOST_INDEX) from error
+
+
+def survey(file: BinaryIO) -> Survey:
+    """What there is in a recording, from its summary, or by reading all of it."""
+    try:
+        return survey_summary(file) or survey_by_reading(file)
+    except ValueError as error:
+        found = survey_by_reading(file)
+        found.note = str(error)
+        return found
+
+
+def _summary_section(file: BinaryIO) -> bytes | None:
+    size = file.seek(0, io.SEEK_END)
+    tail = FOOTER_BYTES + len(MAGIC)
+    file.seek(max(0, size - tail))
+    end = file.read(tail)
+    if len(end) < tail or not end.endswith(MAGIC) or end[0] != Opcode.FOOTER:
+        raise ValueError(LOST_INDEX)
+    footer = Footer.read(ReadDataStream(io.BytesIO(end[PREFIX.size :])))
+    if not footer.summary_start:
+        return None
+    if not len(MAGIC) <= footer.summary_start < size - tail:
+        raise ValueError(LOST_INDEX)
+    file.seek(footer.summary_start)
+    section = file.read(size - tail - footer.summary_start)
+    # The checksum covers the footer too, up to itself.
+    if footer.summary_crc not in (0, zlib.crc32(end[: FOOTER_BYTES - 4], zlib.crc32(section))):
+        raise ValueError(LOST_INDEX)
+    return section
+
+
+def _survey(section: bytes) -> Survey | None:
+    found, statistics, at = Survey(), None, 0
+    while at + PREFIX.size <= len(section):
+        opcode, length = PREFIX.unpack_from(section, at)
+        at += PREFIX.size
+        if opcode in KINDS:
+            record = KINDS[opcode].read(ReadDataStream(io.BytesIO(section[at : at + length])))
+            found.add(record)
+            statistics = record if isinstance(record, Statistics) else statistics
+        at += length
+    whole = statistics is not None and statistics.channel_count == len(found.channels)
+    return found if whole else None
+
+
+def survey_by_reading(file: BinaryIO) -> Survey:
+    """The same from the data section: reads all of it, for recordings that were cut or never had a summary."""
+    found, counts = Survey(), Counter[int]()
+    for item in RecordScan(file, {}):
+        if isinstance(item, Message):
+            counts[item.channel_id] += 1
+        else:
+            found.add(item)
+    found.counts = counts
+    return found
+
+
+def read_facts(file: BinaryIO) -> dict[str, str]:
+    """The facts of the sweep, without touching the pictures."""
+    facts: dict[str, str] = {}
+    for item in RecordScan(file, {}, only=frozenset((Opcode.METADATA,))):
+        if isinstance(item, Metadata) and item.name == FACTS:
+            facts |= item.metadata
+        if isinstance(item, Damage):
+            break
+    return facts
