@@ -15,6 +15,8 @@ from models.errors import AppearanceError, PictureError
 
 Content = Literal["raw", "smooth", "gradient", "derivatives", "power", "log_power"]
 Size = tuple[int, int]
+_FULL: dict[np.dtype[Any], int] = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}
+"""Full scale of the types that pictures have."""
 _HEADER = ("size", "colour", "content", "sigma", "taper", "unit_energy", "picture")
 
 
@@ -131,7 +133,7 @@ class Preparation:
 
         Raises PictureError where the picture is of another size than bound to, or of another type.
         """
-        if pixels.dtype.name not in ("uint8", "uint16"):
+        if pixels.dtype not in _FULL:
             raise PictureError(f"pixels are {pixels.dtype}, allowed are uint8 and uint16")
         size = (pixels.shape[1], pixels.shape[0])
         if self.picture is None and (self.windows or self.ignore is not None or self.content != "raw"):
@@ -151,7 +153,7 @@ class Preparation:
 
     def _energy(self, values: np.ndarray) -> Float[np.ndarray, " p"]:
         """Integers are taken as shares of their type's full scale; the norm is summed in float64, integers exactly."""
-        scale = 1.0 if values.dtype == np.float32 else 1.0 / np.iinfo(values.dtype).max
+        scale = 1.0 / _FULL.get(values.dtype, 1)
         if self.unit_energy:
             norm = cv2.norm(values.reshape(1, -1))
             scale = 1.0 / norm if norm > 0 else 0.0
@@ -174,7 +176,8 @@ class Preparation:
         keep = np.ones((window.height, window.width), np.bool_) if window.mask is None else window.mask.copy()
         if self.ignore is not None:
             keep &= ~self.ignore[window.y : lower, window.x : right]
-        keep = _scaled(keep.astype(np.float64), scaled) > 1 - 1e-9
+        # OpenCV weighs in float32: a whole cell sums to 1 within a few 1e-7.
+        keep = _scaled(keep.astype(np.float64), scaled) > 1 - 2e-6
         return _View(window, scaled, keep, self)
 
     def to_header(self) -> dict[str, Any]:
@@ -218,8 +221,7 @@ class _View:
 
     def read(self, pixels: np.ndarray) -> Float[np.ndarray, " n"]:
         """Filtered and masked, in raster order."""
-        values = pixels.astype(np.float32) / np.float32(np.iinfo(pixels.dtype).max)
-        values = self._filter(values)
+        values = self._filter(pixels.astype(np.float32) / np.float32(_FULL[pixels.dtype]))
         return values[self._seen].reshape(-1) if self._masked else values.reshape(-1)
 
     @property
@@ -261,7 +263,8 @@ class _View:
         # Scharr's weights sum to 16 and span two pixels: grey levels per pixel after the division.
         along_x, along_y = (cv2.Scharr(values, cv2.CV_32F, dx, 1 - dx, scale=1 / 32) for dx in (1, 0))
         if self.how.content == "gradient":
-            return cv2.magnitude(along_x, along_y)
+            # Not cv2.magnitude, whose last bit depends on where in memory its arrays lie.
+            return np.sqrt(along_x**2 + along_y**2)
         return np.stack([along_x, along_y], axis=-1)
 
     def _power(self, values: np.ndarray) -> np.ndarray:
