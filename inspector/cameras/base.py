@@ -4,7 +4,8 @@ inspector.errors.CameraError
 ├── UnknownCamera        a url whose scheme no camera has
 ├── UnknownOption        an option that this camera does not have
 ├── OptionRefused        an option whose value is not allowed
-└── CameraNotOpened      a source that is not there, or that delivers nothing
+├── CameraNotOpened      a source that is not there, or that delivers nothing
+└── CameraStopped        a source that failed after it was opened
 """
 
 from __future__ import annotations
@@ -49,6 +50,13 @@ class CameraNotOpened(CameraError):
         super().__init__(f"camera {hide_password(source)}: {why}")
 
 
+class CameraStopped(CameraError):
+    """A source that failed after it was opened; what it delivered before is whole."""
+
+    def __init__(self, source: str, frames: int, why: str) -> None:
+        super().__init__(f"camera {hide_password(source)}: stopped after {frames} frames: {why}")
+
+
 @dataclass(frozen=True)
 class Clock:
     """The time and the wait that a camera uses; tests hand in their own."""
@@ -57,6 +65,11 @@ class Clock:
     """Nanoseconds since the epoch."""
     sleep: Callable[[float], None] = time.sleep
     """Waits so many seconds."""
+
+    def wait_until(self, t_ns: int) -> None:
+        """Return at that time, or at once where it has passed."""
+        if (left := t_ns - self.now_ns()) > 0:
+            self.sleep(left / 1e9)
 
 
 class AbstractCamera(ABC):

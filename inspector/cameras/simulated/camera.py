@@ -10,7 +10,7 @@ from typing import Self
 import cv2
 import numpy as np
 
-from inspector.cameras.base import AbstractCamera, CameraNotOpened, Clock
+from inspector.cameras.base import AbstractCamera, CameraNotOpened, Clock, OptionRefused
 from inspector.cameras.options import read
 from inspector.cameras.simulated.defects import KINDS, USUAL_SIZE, Defect, mark, with_defects
 from inspector.cameras.simulated.motion import Exposure, Path, exposures, reference_path
@@ -34,7 +34,11 @@ class SimulatedCamera(AbstractCamera):
         self._path = reference_path(settings)
         self._exposures = exposures(self._path, settings)
         if not self._exposures:
-            raise CameraNotOpened("simulated", f"late={settings.late} with stop={settings.stop:g} leaves no frame")
+            why = f"late={settings.late}, stop={settings.stop:g} and lost={settings.lost:g} leave no frame"
+            raise CameraNotOpened("simulated", why)
+        if len(settings.at) > len(settings.defect):
+            at = ",".join(f"{s:g}" for s in settings.at)
+            raise OptionRefused("simulated", "at", at, f"one sweep coordinate per defect: {len(settings.defect)}")
         self._defects = _defects(settings, self._path)
 
     @classmethod
@@ -66,7 +70,7 @@ class SimulatedCamera(AbstractCamera):
                 return
             t = round(exposure.sequence * 1e9 / s.fps)
             if s.realtime:
-                self._clock.sleep(max(0, begun + t - self._clock.now_ns()) / 1e9)
+                self._clock.wait_until(begun + t)
             yield self._frame(renderer, exposure, START_NS + t)
 
     def truth(self) -> tuple[FrameTruth, ...]:
@@ -87,7 +91,7 @@ class SimulatedCamera(AbstractCamera):
         if s.jpeg:
             encoded = encode_jpeg(pixels, s.jpeg)
             pixels = decode(encoded)
-        travel = round(exposure.u * s.step * (1 + s.encoder_error), 3) if s.encoder else None
+        travel = round(exposure.u * self._path.step * (1 + s.encoder_error), 3) if s.encoder else None
         return Frame(pixels, t_ns, exposure.sequence, travel, encoded)
 
     def _expose(self, renderer: Renderer, exposure: Exposure) -> np.ndarray:

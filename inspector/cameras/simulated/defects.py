@@ -44,7 +44,8 @@ def with_defects(features: tuple[Feature, ...], defects: tuple[Defect, ...]) -> 
 
 def _bent(feature: Feature, defect: Defect) -> Feature:
     if defect.kind == "missing":
-        return replace(feature, size=0)
+        threaded = feature.kind in ("screw", "slotted", "dowel")
+        return replace(feature, kind="hole", size=0.5 * feature.size) if threaded else replace(feature, size=0)
     way = 2 * pi * np.random.default_rng(defect.seed).random()
     push = 0.6 * defect.size * defect.strength
     turn = feature.angle + 1.5 * defect.size * defect.strength

@@ -26,6 +26,11 @@ class Path:
         """`u` of the end."""
         return len(self.points) - 1
 
+    @property
+    def step(self) -> float:
+        """Travel per nominal frame, in units."""
+        return float(np.hypot(*(self.points[1] - self.points[0])))
+
     def at(self, u: np.ndarray) -> np.ndarray:
         """(m, 2) where the path is at u (m,); beyond its ends it goes straight on."""
         i = np.clip(np.floor(u).astype(int), 0, self.last - 1)
@@ -75,7 +80,8 @@ def reference_path(settings: Settings) -> Path:
 def _even(corners: np.ndarray, step: float, count: int) -> np.ndarray:
     """Points at equal distance along the corners: `count` of them, or one per step."""
     length = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    stops: np.ndarray = np.linspace(0, length[-1], max(2, count)) if count else np.arange(0, length[-1] + 1e-9, step)
+    whole = float(length[-1])
+    stops = np.linspace(0, whole, max(2, count) if count else int(whole / step) + 1)
     return np.stack([np.interp(stops, length, corners[:, k]) for k in (0, 1)], axis=1)
 
 

@@ -143,6 +143,8 @@ def _casting(part: Part) -> tuple[Feature, ...]:
         turn = {"rib": float(rng.choice([0, 90, 35, -35])), "screw": float(rng.uniform(0, 60))}.get(kind, 0.0)
         label = f"{_word(rng)} {rng.integers(2, 9)}"
         features.append(Feature(kind, x, y, size * float(rng.uniform(0.85, 1.08)), turn, label))
+        if kind in ("pocket", "embossed", "rib"):
+            features.append(Feature("dowel", x + 46, y - 36, 7))
     return tuple(features)
 
 

@@ -16,6 +16,13 @@ def _size(text: str) -> tuple[int, int]:
     return width, height
 
 
+def _place(text: str) -> tuple[float, ...]:
+    values = numbers(text, 3)
+    if any(abs(v) > 180 for v in values):
+        raise ValueError(text)
+    return values
+
+
 def _defects(text: str) -> tuple[str, ...]:
     """Names between commas, or how many of any kind."""
     if text.isdecimal():
@@ -76,7 +83,7 @@ class Settings:
     """Share of the frames that are lost: gaps in `sequence`."""
     stop: float = number(1.0, 0, 1)
     """Sweep coordinate at which the sweep is cut short."""
-    place: tuple[float, ...] = words("0,0,0", lambda t: numbers(t, 3), "dx,dy,degrees like 2,-1.5,0.3")
+    place: tuple[float, ...] = words("0,0,0", _place, "dx,dy,degrees like 2,-1.5,0.3, each from -180 to 180")
     """Offset and turn of the part in its fixture."""
     vibration: float = number(0.05, 0, 20)
     """Standard deviation of the camera's shake."""
