@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import pytest
 
+from inspector import cameras
 from inspector.cameras import open_camera
 from inspector.cameras.base import Clock, OptionRefused, UnknownCamera, UnknownOption, hide_password, split_url
+from inspector.cameras.folder import FolderOptions
+from inspector.cameras.opencv import OpenCVOptions
 from inspector.cameras.options import choice, flag, number, numbers, read, whole, words
+from inspector.cameras.simulated.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -86,3 +91,12 @@ def test_waiting_for_a_time_that_has_passed_does_not_wait() -> None:
     clock.wait_until(4_000_000_000)
     clock.wait_until(5_250_000_000)
     assert waits == [0.25]
+
+
+def test_the_readme_names_every_option_of_every_camera() -> None:
+    readme = Path(cameras.__file__).with_name("README.md").read_text()
+    sections = dict(zip(cameras.CAMERAS, ("## `simulated:`", "## `folder:", "## `opencv:"), strict=True))
+    for (name, heading), options in zip(sections.items(), (Settings, FolderOptions, OpenCVOptions), strict=True):
+        section = readme.partition(heading)[2].partition("\n## ")[0]
+        missing = [f.name for f in fields(options) if f"`{f.name}`" not in section]
+        assert missing == [], name
