@@ -155,7 +155,14 @@ def record(
     recording = _Recording(thread, writer, lossless)
     thread.start()
     try:
-        _pump(camera, thread, recording, frames, seconds, on_progress, stop or threading.Event())
+        for frame in camera.frames():
+            if thread.error is not None or (stop is not None and stop.is_set()):
+                break
+            recording.offer(frame)
+            if on_progress is not None:
+                on_progress(recording.summary())
+            if recording.done(frames, seconds):
+                break
     finally:
         thread.entries.put(None)
         thread.join()
@@ -163,25 +170,6 @@ def record(
     if not writer.frames:
         raise NothingRecorded(writer.path)
     return recording.summary()
-
-
-def _pump(
-    camera: FrameSource,
-    thread: _WriterThread,
-    recording: _Recording,
-    frames: int | None,
-    seconds: float | None,
-    on_progress: Callable[[RecordingSummary], object] | None,
-    stop: threading.Event,
-) -> None:
-    for frame in camera.frames():
-        if stop.is_set() or thread.error is not None:
-            return
-        recording.offer(frame)
-        if on_progress is not None:
-            on_progress(recording.summary())
-        if recording.done(frames, seconds):
-            return
 
 
 def _finish(writer: SweepWriter, thread: _WriterThread, recording: _Recording) -> None:

@@ -106,7 +106,8 @@ def choose_topic(path: Path, found: Survey, wanted: str | None) -> str:
         raise NoSuchTopic(path, wanted, topics)
     if not topics:
         names = sorted({channel.topic for channel in found.channels.values()})
-        raise NoPictures(path, f"{len(names)} topics, none with pictures" if names else "no topics in it")
+        why = f"{len(names)} topics, none with pictures" if names else "no topics in it"
+        raise NoPictures(path, f"{why}; {found.note}" if found.note else why)
     if wanted is None and IMAGE not in topics and len(topics) > 1:
         raise ManyCameras(path, topics)
     return wanted or (IMAGE if IMAGE in topics else topics[0])

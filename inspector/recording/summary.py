@@ -33,7 +33,7 @@ class Survey:
     chunks: dict[int, int] = field(default_factory=dict[int, int])
     """Length of each chunk by its offset, as far as known."""
     note: str | None = None
-    """What is wrong with the summary, where something is."""
+    """What is wrong with the file, where something is known to be."""
 
     def add(self, record: object) -> None:
         match record:
@@ -75,7 +75,7 @@ def survey(file: BinaryIO) -> Survey:
         return survey_summary(file) or survey_by_reading(file)
     except ValueError as error:
         found = survey_by_reading(file)
-        found.note = str(error)
+        found.note = found.note or str(error)
         return found
 
 
@@ -119,6 +119,8 @@ def survey_by_reading(file: BinaryIO) -> Survey:
     for item in RecordScan(file, {}):
         if isinstance(item, Message):
             counts[item.channel_id] += 1
+        elif isinstance(item, Damage):
+            found.note = found.note or f"{item.why} (byte {item.offset})"
         else:
             found.add(item)
     found.counts = counts

@@ -77,7 +77,11 @@ class SweepWriter:
         for topic, message in (beside or {}).items():
             self._file.add(topic, message, frame.t_ns, frame.sequence)
         self._file.frames += 1
-        self._file.flush_if_due()
+        if self._file.frames == 1:
+            # Topics and schemas stand in the first chunk: the smaller it is, the less can hit what all depends on.
+            self._file.flush()
+        else:
+            self._file.flush_if_due()
 
     def drop(self, count: int, t_ns: int) -> None:
         """Tell that so many frames were lost before this time."""
