@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Self
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -28,6 +28,8 @@ from models.frame import Frame
 
 # FFmpeg prints addresses to stderr, passwords included; what went wrong is said by our own error. It reads this once.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+LOGGING: Any = getattr(cv2.utils, "logging", cv2)
+"""OpenCV 5 moved the log level here; in 4 it is in `cv2` itself, under the same names."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +114,12 @@ def _open(source: str, options: OpenCVOptions, file: bool) -> cv2.VideoCapture:
     network = "://" in source
     if not (file or network or source.isdecimal() or Path(source).exists()):
         raise CameraNotOpened(f"opencv:{source}", "there is no such device or video file")
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    level = LOGGING.getLogLevel()
+    LOGGING.setLogLevel(0)  # silent: what goes wrong is said once, by us
     try:
         capture = _capture(source, options, network)
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        LOGGING.setLogLevel(level)
     if not capture.isOpened():
         why = "is not a video that can be read" if file else "cannot be opened; is it connected, and free?"
         raise CameraNotOpened(f"opencv:{source}", why)
