@@ -6,11 +6,15 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 from jaxtyping import Float32, Float64
 
 from models.errors import AppearanceError, LearningError
 from models.principal import Choice, principal_directions
+
+UNTHREADED = 400_000
+"""Larger matrices OpenBLAS shares out among threads, after which last bits depend on how many there are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +71,12 @@ class Eigenspace:
         return (self.basis.astype(np.float64) @ self.mean.astype(np.float64)).astype(np.float32)
 
     def project(self, x: Float32[np.ndarray, " p"]) -> Float32[np.ndarray, " k"]:
-        """z (k,) = basis @ (x - mean), as one matrix-vector product. Scoring projects with this and nothing else."""
-        return self.basis @ x - self._offset
+        """z (k,) = basis @ (x - mean). Scoring projects with this and nothing else; equal bytes by any thread count."""
+        step = max(1, UNTHREADED // self.k)
+        z = self.basis[:, :step] @ x[:step]
+        for start in range(step, self.p, step):
+            z += self.basis[:, start : start + step] @ x[start : start + step]
+        return z - self._offset
 
     def project_many(self, xs: Float32[np.ndarray, "n p"]) -> Float32[np.ndarray, "n k"]:
         """z of many frames at once; differs from `project` in the last bits, as BLAS sums in another order."""
@@ -83,8 +91,8 @@ class Eigenspace:
 
         Below some 3e-4 of ||x - mean|| rounding to float32 decides.
         """
-        from_mean = x - self.mean
-        return float(np.sqrt(max(0.0, float(from_mean @ from_mean) - float(z @ z))))
+        from_mean, along = cv2.norm((x - self.mean).reshape(1, -1)), cv2.norm(z.reshape(1, -1))
+        return float(np.sqrt(max(0.0, from_mean**2 - along**2)))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything, as arrays that can be saved."""

@@ -264,7 +264,7 @@ class _View:
         along_x, along_y = (cv2.Scharr(values, cv2.CV_32F, dx, 1 - dx, scale=1 / 32) for dx in (1, 0))
         if self.how.content == "gradient":
             # Not cv2.magnitude, whose last bit depends on where in memory its arrays lie.
-            return np.sqrt(along_x**2 + along_y**2)
+            return np.sqrt(np.square(along_x) + np.square(along_y))
         return np.stack([along_x, along_y], axis=-1)
 
     def _power(self, values: np.ndarray) -> np.ndarray:
