@@ -100,7 +100,7 @@ class RecordingStopped(RecordingError):
 
     def __init__(self, path: Path, saved: int, why: str) -> None:
         self.saved = saved
-        super().__init__(f"{path}: recording stopped: {why}; the first {saved} frames are saved and readable")
+        super().__init__(f"{path}: recording stopped: {why}; at least the first {saved} frames are saved and readable")
 
 
 class OutputExists(WorldError):

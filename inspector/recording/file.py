@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from google.protobuf.message import Message
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 from mcap_protobuf.schema import register_schema
 
 from inspector.errors import NotRecorded, OutputExists, RecordingStopped
@@ -46,7 +46,9 @@ class McapFile:
     def begin(self, compress: bool, metadata: Mapping[str, Mapping[str, str]]) -> None:
         """Facts come first, outside the chunks, where a reader finds them at once."""
         kind = CompressionType.ZSTD if compress else CompressionType.NONE
-        self._writer = Writer(self._file, compression=kind, enable_data_crcs=True)
+        # No index of attachments: there are none, and the library would announce an empty one, which checkers refuse.
+        indexes = IndexType.CHUNK | IndexType.MESSAGE | IndexType.METADATA
+        self._writer = Writer(self._file, compression=kind, index_types=indexes, enable_data_crcs=True)
         self._attempt(lambda writer: writer.start(profile="", library="sweep-inspector"))
         for name, facts in metadata.items():
             self._attempt(lambda writer, name=name, facts=facts: writer.add_metadata(name, dict(facts)))

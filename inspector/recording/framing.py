@@ -52,7 +52,14 @@ class Damage:
     """A chunk with messages; the message indexes that follow it tell how many."""
 
 
-Item: TypeAlias = McapRecord | Damage
+@dataclass(frozen=True)
+class Unchecked:
+    """A message that lies whole in a chunk that was cut, where no checksum vouches for it."""
+
+    message: Message
+
+
+Item: TypeAlias = McapRecord | Damage | Unchecked
 
 
 def _read_message(body: bytes) -> Message:
@@ -180,7 +187,8 @@ class RecordScan:
     def _unreadable(self, offset: int, opcode: int, jump: int | None) -> Iterator[Item]:
         if jump is None and opcode == Opcode.CHUNK:
             with suppress(ValueError):
-                yield from open_chunk(self._file.read(MAX_CHUNK), cut=True)
+                for record in open_chunk(self._file.read(MAX_CHUNK), cut=True):
+                    yield Unchecked(record) if isinstance(record, Message) else record
         yield Damage(offset, "a record is damaged" if jump else "the file is cut short or damaged from there on")
 
     def _body(self, prefix: bytes, length: int) -> tuple[int | None, bytes]:

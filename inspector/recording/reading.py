@@ -12,7 +12,7 @@ from mcap.records import Message, MessageIndex
 
 from inspector.errors import NoPictures, PictureUnreadable
 from inspector.recording.decoding import Fields, Picture, holds_pictures, picture_reader, protobuf_reader
-from inspector.recording.framing import Damage, RecordScan
+from inspector.recording.framing import Damage, RecordScan, Unchecked
 from inspector.recording.schemas import PACKAGE
 from inspector.recording.summary import Survey
 from inspector.recording.writer import ENCODER, EVENTS
@@ -50,10 +50,9 @@ class Pass:
             match item:
                 case Message():
                     self._open = False
-                    frame = self._take(item)
-                    if frame is not None:
-                        self.yielded += 1
-                        yield frame
+                    yield from self._take(item)
+                case Unchecked():
+                    yield from self._take(item.message, checked=False)
                 case Damage():
                     self._damages.append((item, 0))
                     self._open = item.chunk
@@ -85,19 +84,23 @@ class Pass:
             self._damages[-1] = damage, frames + len(index.records)
             self._gap += len(index.records)
 
-    def _take(self, message: Message) -> Frame | None:
+    def _take(self, message: Message, *, checked: bool = True) -> Iterator[Frame]:
         if message.channel_id in self._beside:
             self._take_beside(message)
         if message.channel_id not in self._pictures:
-            return None
+            return
         self._seen += 1
         sequence = self._number(message.sequence)
         try:
             picture = self._pictures[message.channel_id](message.data)
-            return Frame(picture.pixels, message.log_time, sequence, self._encoder(message), picture.encoded)
+            frame = Frame(picture.pixels, message.log_time, sequence, self._encoder(message), picture.encoded)
         except (PictureUnreadable, PictureError) as error:
             self._bad.append(f"frame {sequence}: {error}")
-            return None
+            return
+        # Where no checksum vouches, only what its decoder checks: raw pixels would be believed whatever they are.
+        if checked or frame.encoded is not None:
+            self.yielded += 1
+            yield frame
 
     def _number(self, recorded: int) -> int:
         """The recorded number where it counts on, else the next one: many writers leave it at 0."""

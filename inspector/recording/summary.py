@@ -15,7 +15,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, Message, Metadata, Schema, Statistics
 
-from inspector.recording.framing import MAGIC, PREFIX, Damage, RecordScan
+from inspector.recording.framing import MAGIC, PREFIX, Damage, RecordScan, Unchecked
 
 FOOTER_BYTES = PREFIX.size + 20
 FACTS = "sweep"
@@ -117,8 +117,8 @@ def survey_by_reading(file: BinaryIO) -> Survey:
     """The same from the data section: reads all of it, for recordings that were cut or never had a summary."""
     found, counts = Survey(), Counter[int]()
     for item in RecordScan(file, {}):
-        if isinstance(item, Message):
-            counts[item.channel_id] += 1
+        if isinstance(item, Message | Unchecked):
+            counts[item.message.channel_id if isinstance(item, Unchecked) else item.channel_id] += 1
         elif isinstance(item, Damage):
             found.note = found.note or f"{item.why} (byte {item.offset})"
         else:

@@ -72,6 +72,14 @@ def test_others_read_the_messages_of_foxglove(tmp_path):
     assert image.timestamp.seconds * 10**9 + image.timestamp.nanos == message.log_time == START_NS
 
 
+def test_the_summary_announces_nothing_that_is_not_there(tmp_path):
+    path = written(tmp_path / "a.mcap", [frame(0)], part_id="7")
+    with path.open("rb") as file:
+        groups = [r.group_length for r in StreamReader(file).records if type(r).__name__ == "SummaryOffset"]
+    assert groups
+    assert all(groups)
+
+
 def test_facts_encoder_gaps_and_drops_come_back(tmp_path):
     path = tmp_path / "a.mcap"
     with SweepWriter(path, product_id="valve", part_id="0042", metadata={"operator": "Ünal"}) as writer:
@@ -148,7 +156,9 @@ def test_a_full_disk_ends_the_recording_with_one_sentence_and_keeps_what_was_flu
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     try:
-        with pytest.raises(RecordingStopped, match=r"File too large; the first \d+ frames are saved") as caught:
+        with pytest.raises(
+            RecordingStopped, match=r"File too large; at least the first \d+ frames are saved"
+        ) as caught:
             fill(writer)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
