@@ -78,7 +78,10 @@ class Manifold:
         return self.differentiate(q, (0,) * self.m)
 
     def derivative(self, q: Float[np.ndarray, "*n m"] | float, axis: int = 0) -> Float64[np.ndarray, "*n k"]:
-        """How g changes per unit of the parameter `axis`, at one q (m,) or many (n, m)."""
+        """How g changes per unit of the parameter `axis`, at one q (m,) or many (n, m).
+
+        Outside an axis without a period: the slope with which the curve arrives at its end.
+        """
         return self.differentiate(q, tuple(int(axis == number) for number in range(self.m)))
 
     def differentiate(self, q: Float[np.ndarray, "*n m"] | float, orders: Sequence[int]) -> Float64[np.ndarray, "*n k"]:

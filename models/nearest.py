@@ -60,6 +60,10 @@ class NearestPoint:
     spacing: Float64[np.ndarray, " m"]
     """Distance between resampled points per parameter: how far refining may go."""
 
+    def __post_init__(self) -> None:
+        for array in (self.q, self.z, self.spacing):
+            array.flags.writeable = False
+
     @classmethod
     def of(cls, manifold: Manifold, counts: int | Sequence[int]) -> NearestPoint:
         """Resamples the manifold at so many evenly spaced values of each parameter."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64
@@ -69,7 +70,7 @@ def principal_directions(
 
     Raises LearningError where the frames span nothing, change their length, or are others when read again.
     """
-    frames = _Frames(read, memory, next(iter(read()), None))
+    frames = _Frames(read, memory)
     block = min(frames.p, EXTRA + (choice.k or min(choice.k_max, 20)))
     start = _orthonormal(np.random.default_rng(0).standard_normal((frames.p, block)))
     product = frames.multiply(start)
@@ -83,17 +84,16 @@ def principal_directions(
 class _Frames:
     """The frames in blocks of rows: kept from the first reading on where they fit, else read again each time."""
 
-    def __init__(
-        self,
-        read: Callable[[], Iterable[Float32[np.ndarray, " p"]]],
-        memory: int,
-        origin: Float32[np.ndarray, " p"] | None,
-    ) -> None:
-        if origin is None:
+    def __init__(self, read: Callable[[], Iterable[Float32[np.ndarray, " p"]]], memory: int) -> None:
+        opened = iter(read())
+        first = next(opened, None)
+        if first is None:
             raise LearningError("no frame to learn from, at least two different ones are needed")
         self.read = read
+        self.opened = chain([first], opened)
+        """The first reading, one frame of which had to be seen to know p."""
         self.memory = memory
-        self.origin = np.array(origin, np.float32)
+        self.origin = np.array(first, np.float32)
         """A point near the frames. Products and squares about zero would cancel: the mean holds most of the energy."""
         self.p = self.origin.size
         self.rows = max(1, min(BLOCK, memory // (8 * self.origin.nbytes)))
@@ -121,7 +121,7 @@ class _Frames:
             yield from self.kept
             return
         seen = 0
-        for block in self._stacked(np.empty((self.rows, self.p), np.float32)):
+        for block in self._stacked(self.read(), np.empty((self.rows, self.p), np.float32)):
             seen += len(block)
             yield block
         if seen != self.count:
@@ -130,7 +130,7 @@ class _Frames:
     def _first(self) -> Iterator[Float32[np.ndarray, "n p"]]:
         kept: list[Float32[np.ndarray, "n p"]] | None = []
         sums, squares, count = np.zeros(self.p), 0.0, 0
-        for block in self._stacked(None):
+        for block in self._stacked(self.opened, None):
             yield block
             count += len(block)
             # float32 over the few hundred rows of a block, float64 over blocks: a third of the time, 1e-6 of a pixel.
@@ -146,10 +146,12 @@ class _Frames:
             said = "one frame" if count == 1 else f"{count} frames, {alike}"
             raise LearningError(f"{said}: nothing to learn from, at least two different ones are needed")
 
-    def _stacked(self, buffer: Float32[np.ndarray, "r p"] | None) -> Iterator[Float32[np.ndarray, "n p"]]:
+    def _stacked(
+        self, xs: Iterable[Float32[np.ndarray, " p"]], buffer: Float32[np.ndarray, "r p"] | None
+    ) -> Iterator[Float32[np.ndarray, "n p"]]:
         """Blocks of frames, in the one buffer or each in an array of its own."""
         block, filled = np.empty(0), 0
-        for index, x in enumerate(self.read()):
+        for index, x in enumerate(xs):
             if not filled:
                 block = np.empty((self.rows, self.p), np.float32) if buffer is None else buffer
             if x.shape != (self.p,):

@@ -97,7 +97,7 @@ def test_the_frames_are_read_a_few_times_and_never_held():
             yield buffer
 
     space = fit_eigenspace(read, k=5, memory=STREAMED)
-    assert 3 <= readings <= 1 + principal.PASSES
+    assert 2 <= readings <= principal.PASSES
     assert angle(space.basis, svd_of(frames)[1][:5]) < 0.02
 
 
@@ -194,10 +194,16 @@ def test_frames_that_span_nothing_are_refused_with_a_sentence(frames: list[np.nd
         fit_eigenspace(frames)
 
 
+def test_frames_that_can_be_read_only_once_will_do_where_they_fit_in_memory():
+    frames = frames_of(100, 50)
+    once, again = fit_eigenspace(iter(frames), k=3), fit_eigenspace(frames, k=3)
+    assert once.basis.tobytes() == again.basis.tobytes()
+
+
 def test_frames_that_are_others_when_read_again_are_refused():
     frames = frames_of(100, 50)
     once = iter(frames)
-    with pytest.raises(LearningError, match=r"0 frames when read again, 99 when read first"):
+    with pytest.raises(LearningError, match=r"0 frames when read again, 100 when read first"):
         fit_eigenspace(lambda: once, memory=2**10)
 
 
