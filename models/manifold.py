@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -85,12 +86,15 @@ class Manifold:
         return self.differentiate(q, tuple(int(axis == number) for number in range(self.m)))
 
     def differentiate(self, q: Float[np.ndarray, "*n m"] | float, orders: Sequence[int]) -> Float64[np.ndarray, "*n k"]:
-        """The partial derivative of the given order along each axis; (0, ..., 0) is g itself."""
+        """The partial derivative of the given order (0 to 3) along each axis; (0, ..., 0) is g itself."""
+        if isinstance(q, float) and self.m == 1:
+            return self._point(q, orders[0])
         q = np.atleast_1d(np.asarray(q, np.float64))
         if q.shape[-1] != self.m or q.ndim > 2:
             raise LearningError(f"parameters of shape {q.shape}, allowed are ({self.m},) and (n, {self.m})")
-        q = self.wrap(q)
-        return self._curve(q[..., 0], orders[0]) if self.m == 1 else self._spline(q, nu=np.array(orders))
+        if self.m > 1:
+            return self._spline(self.wrap(q), nu=np.array(orders))
+        return self._point(float(q[0]), orders[0]) if q.ndim == 1 else self._curve(self.wrap(q)[:, 0], orders[0])
 
     def wrap(self, q: Float64[np.ndarray, "*n m"]) -> Float64[np.ndarray, "*n m"]:
         """The same q, a period counted from the start of its axis, other parameters held inside their axis."""
@@ -122,22 +126,37 @@ class Manifold:
         return np.append(axis, axis[0] + period), np.concatenate([values, first], axis=number).astype(np.float64)
 
     @cached_property
-    def _pieces(self) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, "4 r k"]]:
+    def _pieces(self) -> tuple[list[float], Float64[np.ndarray, "r 4 k"]]:
+        """Where the cubics begin (and the last one ends), and their coefficients, highest power first."""
         from scipy.interpolate import CubicSpline  # noqa: PLC0415 (half a second; only where a curve is evaluated)
 
         axis, values = self._closed(0, self.samples)
         end = "not-a-knot" if self.periods[0] is None else "periodic"
-        return axis, np.ascontiguousarray(CubicSpline(axis, values, bc_type=end).c)
+        return axis.tolist(), np.ascontiguousarray(CubicSpline(axis, values, bc_type=end).c.transpose(1, 0, 2))
 
-    def _curve(self, s: Float64[np.ndarray, "*n"], order: int) -> Float64[np.ndarray, "*n k"]:
-        """One parameter: Horner's scheme on the pieces, several times faster for one point than SciPy's call."""
-        axis, pieces = self._pieces
-        piece = np.clip(np.searchsorted(axis, s, side="right") - 1, 0, axis.size - 2)
-        step = (s - axis[piece])[..., None]
-        value = np.zeros((*s.shape, self.k))
+    def _point(self, s: float, order: int) -> Float64[np.ndarray, " k"]:
+        """One point of one parameter, ten times faster than SciPy's call: inspection asks for it frame by frame."""
+        knots, pieces = self._pieces
+        period = self.periods[0]
+        s = min(max(s, knots[0]), knots[-1]) if period is None else knots[0] + (s - knots[0]) % period
+        piece = min(max(bisect_right(knots, s) - 1, 0), len(knots) - 2)
+        t = s - knots[piece]
+        weights = (
+            (t * t * t, t * t, t, 1.0),
+            (3 * t * t, 2 * t, 1.0, 0.0),
+            (6 * t, 2.0, 0.0, 0.0),
+            (6.0, 0.0, 0.0, 0.0),
+        )
+        return np.array(weights[order]) @ pieces[piece]
+
+    def _curve(self, s: Float64[np.ndarray, " n"], order: int) -> Float64[np.ndarray, "n k"]:
+        knots, pieces = self._pieces
+        piece = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
+        step = (s - np.array(knots)[piece])[:, None]
+        value = np.zeros((s.size, self.k))
         for power in range(3, order - 1, -1):
             factor = np.prod(np.arange(power - order + 1, power + 1))
-            value = value * step + factor * pieces[3 - power, piece]
+            value = value * step + factor * pieces[piece, 3 - power]
         return value
 
     @cached_property

@@ -19,6 +19,8 @@ SCAN = 5000
 """Up to as many points a scan is faster than any tree (measured)."""
 STEPS = 12
 """Newton steps at most; three or four are usual."""
+CLOSE = 1e-7
+"""A step shorter than this share of the spacing ends refining."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,10 @@ class NearestPoint:
         z = z.astype(np.float64)
         many = end - start > SCAN and window is None
         index = int(self._tree.query(z)[1]) if many else self._scan(z, start, end)
-        q, distance = self._refined(z, self.q[index])
+        if self.manifold.m == 1:
+            q, distance = self._refined_on_curve(z, float(self.q[index, 0]))
+        else:
+            q, distance = self._refined(z, self.q[index])
         return None if within is not None and distance > within else Nearest(q, distance, index)
 
     def _scan(self, z: Float64[np.ndarray, " k"], start: int, end: int) -> int:
@@ -115,6 +120,28 @@ class NearestPoint:
             close = close[[np.einsum("ij,ij->i", apart, apart).argmin()]]
         return start + int(close[0])
 
+    def _refined_on_curve(self, z: Float64[np.ndarray, " k"], s: float) -> tuple[Float64[np.ndarray, " m"], float]:
+        """`_refined` for one parameter, in a fraction of the time."""
+        g, spacing = self.manifold, float(self.spacing[0])
+        low, high = (float(end[0]) for end in self._box(np.array([s])))
+        apart = g.at(s) - z
+        squared, shortest = float(apart @ apart), CLOSE * spacing
+        for _ in range(STEPS):
+            slope, bend = g.differentiate(s, (1,)), g.differentiate(s, (2,))
+            gradient, gauss = float(slope @ apart), float(slope @ slope)
+            curvature = gauss + float(bend @ apart)
+            curvature = curvature if curvature > 1e-9 * gauss else max(gauss, 1e-300)
+            step = min(max(s - gradient / curvature, low), high) - s
+            while abs(step) > shortest:
+                moved = g.at(s + step) - z
+                if float(moved @ moved) < squared:
+                    break
+                step /= 4
+            else:
+                break
+            s, apart, squared = s + step, moved, float(moved @ moved)
+        return g.wrap(np.array([s])), squared**0.5
+
     def _refined(
         self, z: Float64[np.ndarray, " k"], q: Float64[np.ndarray, " m"]
     ) -> tuple[Float64[np.ndarray, " m"], float]:
@@ -125,14 +152,15 @@ class NearestPoint:
         squared = float(apart @ apart)
         for _ in range(STEPS):
             step = np.clip(q + self._newton(q, apart, low, high), low, high) - q
-            moved = g.at(q + step) - z
-            while float(moved @ moved) >= squared:
-                step = step / 4
-                if np.all(np.abs(step) <= 1e-9 * self.spacing):
-                    return g.wrap(q), float(np.sqrt(squared))
+            while np.any(np.abs(step) > CLOSE * self.spacing):
                 moved = g.at(q + step) - z
+                if float(moved @ moved) < squared:
+                    break
+                step = step / 4
+            else:
+                break
             q, apart, squared = q + step, moved, float(moved @ moved)
-        return g.wrap(q), float(np.sqrt(squared))
+        return g.wrap(q), squared**0.5
 
     def _box(self, q: Float64[np.ndarray, " m"]) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
         """One spacing about q, inside the axes that have ends."""
