@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt
 
+from models import filters
 from models.errors import AppearanceError, PictureError
 
 Content = Literal["raw", "smooth", "gradient", "derivatives", "power", "log_power"]
@@ -141,7 +142,7 @@ class Preparation:
         if self.picture is not None and size != self.picture:
             raise PictureError(f"picture is {size[0]}x{size[1]}, learnt were pictures of {_by(self.picture)}")
         if not self.windows and self.ignore is None and self.content == "raw":
-            return self._energy(self._coloured(_scaled(self._greyed(pixels), self.size)))
+            return self._energy(self._coloured(filters.scaled(self._greyed(pixels), self.size)))
         parts = [view.read(self._coloured(view.cut(self._greyed(pixels)))) for view in self._views]
         return self._energy(parts[0] if len(parts) == 1 else np.concatenate(parts))
 
@@ -177,7 +178,7 @@ class Preparation:
         if self.ignore is not None:
             keep &= ~self.ignore[window.y : lower, window.x : right]
         # OpenCV weighs in float32: a whole cell sums to 1 within a few 1e-7.
-        keep = _scaled(keep.astype(np.float64), scaled) > 1 - 2e-6
+        keep = filters.scaled(keep.astype(np.float64), scaled) > 1 - 2e-6
         return _View(window, scaled, keep, self)
 
     def to_header(self) -> dict[str, Any]:
@@ -217,7 +218,7 @@ class _View:
 
     def cut(self, pixels: np.ndarray) -> np.ndarray:
         w = self.window
-        return _scaled(pixels[w.y : w.y + w.height, w.x : w.x + w.width], self.scaled)
+        return filters.scaled(pixels[w.y : w.y + w.height, w.x : w.x + w.width], self.scaled)
 
     def read(self, pixels: np.ndarray) -> Float[np.ndarray, " n"]:
         """Filtered and masked, in raster order."""
@@ -236,7 +237,7 @@ class _View:
     def _seen(self) -> Bool[np.ndarray, "h w"]:
         """What is kept once the filter has carried don't-care pixels to their neighbours."""
         content, sigma = self.how.content, self.how.sigma
-        reach = 0 if content == "raw" else (_radius(sigma) if sigma else 0) + (content != "smooth")
+        reach = 0 if content == "raw" else filters.radius(sigma) + (content != "smooth")
         box = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
         # Outside the window is neither kept nor left out: the border of the erosion counts as kept.
         kept = cv2.erode(self.keep.astype(np.uint8), box, borderType=cv2.BORDER_CONSTANT, borderValue=1)
@@ -251,57 +252,24 @@ class _View:
         return int(np.count_nonzero(self._seen)) * channels * (1 + (self.how.content == "derivatives"))
 
     def _filter(self, values: np.ndarray) -> np.ndarray:
-        if self.how.content == "raw":
+        content = self.how.content
+        if content == "raw":
             return values
         if self._spectral:
             return self._power(values)
-        if self.how.sigma:
-            side = 2 * _radius(self.how.sigma) + 1
-            values = cv2.GaussianBlur(values, (side, side), self.how.sigma)
-        if self.how.content == "smooth":
+        values = filters.smooth(values, self.how.sigma)
+        if content == "smooth":
             return values
-        # Scharr's weights sum to 16 and span two pixels: grey levels per pixel after the division.
-        along_x, along_y = (cv2.Scharr(values, cv2.CV_32F, dx, 1 - dx, scale=1 / 32) for dx in (1, 0))
-        if self.how.content == "gradient":
-            # Not cv2.magnitude, whose last bit depends on where in memory its arrays lie.
-            return np.sqrt(np.square(along_x) + np.square(along_y))
-        return np.stack([along_x, along_y], axis=-1)
+        return filters.gradient(values) if content == "gradient" else filters.derivatives(values)
 
     def _power(self, values: np.ndarray) -> np.ndarray:
-        """|F|^2 / n over the half plane that a real picture's spectrum is known by: (h, w // 2 + 1, channels)."""
-        weights = self.keep.astype(np.float32)
-        if self.how.taper:
-            weights = weights * np.outer(*(np.hanning(n + 2)[1:-1] for n in self.keep.shape)).astype(np.float32)
-        channels = values.reshape(*values.shape[:2], -1)
-        power = np.abs(np.fft.rfft2(channels * weights[..., None], axes=(0, 1))) ** 2 / weights.size
-        if self.how.content == "log_power":
-            # Without the mean as unit the logarithm would let lamp strength back in.
-            unit = power.mean() if self.how.unit_energy else 1.0
-            power = np.log1p(power / unit) if unit > 0 else power
-        return power.astype(np.float32)
+        power = filters.power_spectrum(values, self.keep, taper=self.how.taper)
+        if self.how.content == "power":
+            return power
+        # Without the mean as unit the logarithm would let lamp strength back in.
+        unit = float(power.mean()) if self.how.unit_energy else 1.0
+        return np.log1p(power / np.float32(unit)) if unit > 0 else power
 
 
 def _by(size: tuple[int, ...]) -> str:
     return f"{size[0]}x{size[1]}"
-
-
-def _radius(sigma: float) -> int:
-    """Three sigma: beyond lies 0.3 % of a Gaussian."""
-    return max(1, int(np.ceil(3 * sigma)))
-
-
-def _scaled(pixels: np.ndarray, size: Size | None) -> np.ndarray:
-    """Averages over areas. Halving has fast code of its own in OpenCV, a factor of sixteen has not."""
-    if size is None:
-        return pixels
-    while _halves(pixels.shape[1], size[0]) and _halves(pixels.shape[0], size[1]):
-        half = (pixels.shape[1] // 2, pixels.shape[0] // 2)
-        pixels = cv2.resize(pixels, half, interpolation=cv2.INTER_AREA)
-    if size == (pixels.shape[1], pixels.shape[0]):
-        return pixels
-    return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
-
-
-def _halves(given: int, wanted: int) -> bool:
-    """Whether halving first gives the same areas, or, from a factor of eight on, nearly so."""
-    return given % 2 == 0 and ((given // 2) % wanted == 0 or given >= 8 * wanted)
