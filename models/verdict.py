@@ -1,4 +1,4 @@
-"""What an inspection says: scored frames, deviations, the verdict; judging is a fold over scores."""
+"""What an inspection says: scored frames, deviations, the verdict."""
 
 from __future__ import annotations
 
@@ -92,6 +92,8 @@ class ScoredFrame:
     """Index of the reference picture compared with, -1 where none was."""
     placement: tuple[float, ...] = ()
     """Affine (a, b, c, d, e, f): reference pixel (u, v) lies at (a u + b v + c, d u + e v + f) of the frame."""
+    light: tuple[float, ...] = ()
+    """Gain, offset in grey levels, shading across and down, that make the reference picture look like the frame."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,185 @@
+"""Appearance: everything learnt of a part. Immutable, verified when loaded, named by the hash of its bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from models.eigenspace import Eigenspace
+from models.errors import AppearanceError
+from models.fixture import Path
+from models.limits import Limits
+from models.manifold import Manifold
+from models.position import Track
+from models.preparation import Preparation
+from models.references import References
+
+MAGIC = b"sweep-appearance"
+VERSION = 1
+_HASH = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """What a part looks like along a sweep, over n places.
+
+    Made by `models.learning.learn`. The bytes are a tag, a version, the SHA-256 of what follows, and a safetensors
+    archive: arrays and one JSON header, no code.
+    """
+
+    preparation: Preparation
+    eigenspace: Eigenspace
+    manifold: Manifold
+    """Over s; its axis holds the sweep coordinate of each place."""
+    slope: Float[np.ndarray, "n 5 k"]
+    """How z moves with the picture: per pixel of shift in x and y, per radian, per unit of shading in x and y."""
+    motion: Float[np.ndarray, "n 2"]
+    """How far the picture moves from each place to the next, in pixels."""
+    points: Int[np.ndarray, "n m"]
+    """Where registration looks: flat indices into each reference picture."""
+    pictures: tuple[bytes, ...]
+    """The n reference pictures, JPEG or PNG."""
+    excess: tuple[bytes, ...]
+    """What further golden sweeps showed beyond the band, PNG per place; empty where nothing."""
+    limits: Limits
+    noise: float
+    """Standard deviation of a coordinate of z at a known place, from the sensor alone."""
+    interval_ns: int
+    """Nominal time from frame to frame."""
+    facts: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Where it comes from: number of sweeps and frames, versions of the libraries."""
+
+    @property
+    def places(self) -> int:
+        """Number of reference pictures."""
+        return len(self.pictures)
+
+    @cached_property
+    def s(self) -> Float[np.ndarray, "n"]:
+        """Sweep coordinate of each place."""
+        return self.manifold.axes[0]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the pictures learnt from, in pixels."""
+        return self.references.size
+
+    @cached_property
+    def references(self) -> References:
+        """The reference pictures, ready for registration and comparison."""
+        return References(self.pictures, self.points, self.excess)
+
+    @cached_property
+    def track(self) -> Track:
+        """The curve as the position filter uses it."""
+        z, slope = self.manifold.samples.astype(float), self.slope.astype(float)
+        return Track(z, slope, self.motion.astype(float), self.noise)
+
+    @cached_property
+    def path(self) -> Path:
+        """How the picture moves along the sweep."""
+        return Path(self.motion.astype(float))
+
+    @cached_property
+    def id(self) -> str:
+        """Its name: `sha256:` and the hash of its bytes."""
+        return "sha256:" + hashlib.sha256(self.to_bytes()).hexdigest()
+
+    def to_bytes(self) -> bytes:
+        """The same appearance always gives the same bytes."""
+        arrays = {
+            **{f"preparation.{k}": v for k, v in self.preparation.arrays().items()},
+            **{f"eigenspace.{k}": v for k, v in self.eigenspace.arrays().items()},
+            **{f"manifold.{k}": v for k, v in self.manifold.arrays().items()},
+            "slope": self.slope,
+            "motion": self.motion,
+            "points": self.points,
+            **_joined("pictures", self.pictures),
+            **_joined("excess", self.excess),
+        }
+        header = {
+            "preparation": self.preparation.to_header(),
+            "manifold": self.manifold.to_header(),
+            "limits": asdict(self.limits),
+            "noise": self.noise,
+            "interval_ns": self.interval_ns,
+            "facts": dict(self.facts),
+        }
+        text = json.dumps(header, sort_keys=True, separators=(",", ":"))
+        payload = save({k: np.ascontiguousarray(v) for k, v in arrays.items()}, {"appearance": text})
+        return MAGIC + VERSION.to_bytes(4, "little") + hashlib.sha256(payload).digest() + payload
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Appearance:
+        """Verified: raises AppearanceError for a file that is foreign, newer, cut or changed in any bit."""
+        arrays, header = _opened(data)
+        try:
+            return cls(
+                Preparation.from_parts(header["preparation"], _under("preparation.", arrays)),
+                Eigenspace.from_arrays(_under("eigenspace.", arrays)),
+                Manifold.from_parts(header["manifold"], _under("manifold.", arrays)),
+                arrays["slope"],
+                arrays["motion"],
+                arrays["points"],
+                _parted("pictures", arrays),
+                _parted("excess", arrays),
+                Limits(**header["limits"]),
+                float(header["noise"]),
+                int(header["interval_ns"]),
+                header["facts"],
+            )._checked()
+        except (KeyError, TypeError, ValueError) as error:
+            raise AppearanceError(f"the appearance lacks what version {VERSION} holds: {error}") from error
+
+    def _checked(self) -> Appearance:
+        n, k = self.places, self.eigenspace.k
+        shapes = {"slope": (n, 5, k), "motion": (n, 2), "samples": (n, k), "points": (n, self.points.shape[-1])}
+        arrays = {"slope": self.slope, "motion": self.motion, "samples": self.manifold.samples, "points": self.points}
+        for name, shape in shapes.items():
+            if arrays[name].shape != shape:
+                raise AppearanceError(f"the appearance's {name} has shape {arrays[name].shape}, allowed is {shape}")
+        w, h = self.size
+        if n < 2 or self.points.min() < w + 1 or self.points.max() >= w * (h - 1) - 1:
+            raise AppearanceError(f"the appearance's points lie outside of its {w}x{h} pictures")
+        return self
+
+
+def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    start = len(MAGIC) + 4
+    if data[: len(MAGIC)] != MAGIC:
+        raise AppearanceError("not an appearance: it does not begin as one; `inspector learn` makes them")
+    version = int.from_bytes(data[len(MAGIC) : start], "little")
+    if version > VERSION:
+        raise AppearanceError(f"the appearance has format version {version}; this program reads up to {VERSION}")
+    payload = data[start + _HASH :]
+    if hashlib.sha256(payload).digest() != data[start : start + _HASH]:
+        raise AppearanceError("the appearance is damaged: its checksum does not fit; restore it, or learn again")
+    try:
+        arrays = load(payload)
+        size = int.from_bytes(payload[:8], "little")
+        return arrays, json.loads(json.loads(payload[8 : 8 + size])["__metadata__"]["appearance"])
+    except (SafetensorError, KeyError, ValueError) as error:
+        raise AppearanceError(f"the appearance cannot be read: {error}") from error
+
+
+def _joined(name: str, parts: tuple[bytes, ...]) -> dict[str, np.ndarray]:
+    ends = np.cumsum([len(part) for part in parts], dtype=np.int64)
+    return {name: np.frombuffer(b"".join(parts), np.uint8), f"{name}.ends": ends}
+
+
+def _parted(name: str, arrays: Mapping[str, np.ndarray]) -> tuple[bytes, ...]:
+    data, ends = arrays[name].tobytes(), [0, *map(int, arrays[f"{name}.ends"])]
+    return tuple(data[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+
+
+def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

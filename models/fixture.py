@@ -1,0 +1,126 @@
+"""Place, pace and fixture offset carried from frame to frame: what registration measures, filtered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+AT, PACE, OFFSET = 0, 1, slice(2, 5)
+_AT_STD, _PACE_STD, _OFFSET_STD = 2.0, 0.25, np.array([3.0, 3.0, 0.01])
+_WANDER = np.diag(np.square([0.15, 0.10, 0.12, 0.12, 0.0003]))
+"""What may change from one frame to the next: place, pace, fixture offset (px, px, rad)."""
+_STILL_STD = 0.5
+_ALONG_STD = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """How the picture moves along the reference sweep: a polyline of picture displacement over places."""
+
+    motion: Float[np.ndarray, "n 2"]
+    """From each place to the next, in pixels."""
+
+    def __post_init__(self) -> None:
+        points = np.vstack([np.zeros(2), np.cumsum(self.motion[:-1], axis=0)])
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "_index", np.arange(len(points)))
+
+    def between(self, start: float, end: float | np.ndarray) -> np.ndarray:
+        """Displacement of the picture from one place to another, in pixels: (2,) or (m, 2)."""
+        return self._point(end) - self._point(start)
+
+    def _point(self, at: float | np.ndarray) -> np.ndarray:
+        at = np.asarray(at, float)
+        return np.stack([np.interp(at, self._index, self.points[:, k]) for k in (0, 1)], axis=-1)
+
+    def speed(self, at: float) -> Float[np.ndarray, "2"]:
+        """Displacement per place about `at`."""
+        i = min(max(int(at), 0), len(self.motion) - 2)
+        return self.motion[i]
+
+
+@dataclass(frozen=True, eq=False)
+class Fixture:
+    """A Gaussian over (place, pace, offset x, offset y, rotation)."""
+
+    mean: Float[np.ndarray, "5"]
+    covariance: Float[np.ndarray, "5 5"]
+
+    @classmethod
+    def unknown(cls, at: float, pace: float = 1.0, offset: np.ndarray | None = None) -> Fixture:
+        """Nothing measured yet but a rough place."""
+        mean = np.concatenate([[at, pace], np.zeros(3) if offset is None else offset])
+        return cls(mean, np.diag(np.square(np.concatenate([[_AT_STD, _PACE_STD], _OFFSET_STD]))))
+
+    @property
+    def at(self) -> float:
+        """The place, in reference frames."""
+        return float(self.mean[AT])
+
+    def seen(self, path: Path) -> float:
+        """The place that the picture shows: an offset along the path looks like travel, and cannot be told from it."""
+        speed = path.speed(self.at)
+        return self.at + float(speed @ self.mean[2:4]) / max(float(speed @ speed), 1.0)
+
+    @property
+    def offset(self) -> Float[np.ndarray, "3"]:
+        """Shift in pixels and rotation of the part in its fixture, as the picture shows it."""
+        return self.mean[OFFSET]
+
+    @property
+    def uncertainty(self) -> float:
+        """Standard deviation of the place, in reference frames."""
+        return float(np.sqrt(self.covariance[AT, AT]))
+
+    def predict(self, elapsed: float, path: Path) -> Fixture:
+        """`elapsed` nominal frame intervals later: the place moves on; a rotation turns travel into offset."""
+        f = np.eye(5)
+        f[AT, PACE] = elapsed
+        mean = f @ self.mean
+        mean[AT] = np.clip(mean[AT], -1.0, len(path.motion))
+        dx, dy = path.between(self.mean[AT], mean[AT])
+        mean[2:4] += self.mean[4] * np.array([dy, -dx])
+        return Fixture(mean, f @ self.covariance @ f.T + _WANDER * max(elapsed, 0.1))
+
+    def halted(self) -> Fixture:
+        """The same moment if the robot had not moved since the frame before."""
+        cov = self.covariance + _WANDER
+        cov[AT, AT] += _STILL_STD**2
+        return Fixture(self.mean, cov)
+
+    def measure(self, reference: int, pose: np.ndarray, noise: np.ndarray, path: Path) -> Fixture:
+        """What a registration to `reference` says: pose = displacement along the path + offset."""
+        h = np.zeros((3, 5))
+        h[:2, AT] = path.speed(self.mean[AT])
+        h[:, OFFSET] = np.eye(3)
+        expected = self.mean[OFFSET].copy()
+        expected[:2] += path.between(reference, self.mean[AT])
+        s = h @ self.covariance @ h.T + noise
+        gain = np.linalg.solve(s, h @ self.covariance).T
+        mean = self.mean + gain @ (pose - expected)
+        mean[PACE] = np.clip(mean[PACE], 0.0, 4.0)
+        keep = np.eye(5) - gain @ h
+        return Fixture(mean, keep @ self.covariance @ keep.T + gain @ noise @ gain.T)
+
+    def settled(self, path: Path) -> Fixture:
+        """Pull the offset along the path, which no picture can tell from travel, gently to nothing."""
+        speed = path.speed(self.at)
+        length = float(np.sqrt(speed @ speed))
+        if length < 0.5:
+            return self
+        h = np.zeros(5)
+        h[2:4] = speed / length
+        ph = self.covariance @ h
+        gain = ph / (h @ ph + _ALONG_STD**2)
+        return Fixture(self.mean - gain * float(h @ self.mean), self.covariance - np.outer(gain, ph))
+
+    def pose(self, reference: int, path: Path) -> tuple[np.ndarray, np.ndarray]:
+        """Where a picture would lie on `reference`, with its covariance."""
+        expected = self.mean[OFFSET].copy()
+        expected[:2] += path.between(reference, self.mean[AT])
+        h = np.zeros((3, 5))
+        h[:2, AT] = path.speed(self.mean[AT])
+        h[:, OFFSET] = np.eye(3)
+        return expected, h @ self.covariance @ h.T

@@ -1,0 +1,180 @@
+"""begin, step, conclude: the one and only scoring path, live, in replay and in batch."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from models.appearance import Appearance
+from models.errors import PictureError
+from models.frame import Frame
+from models.judging import judge
+from models.registration import full_pose, affine
+from models.scoring import Look, Memory, look, regions, remember
+from models.tolerance import aligned, levels
+from models.verdict import FrameState, Policy, Residuals, Result, ScoredFrame
+
+_LOST_AFTER = 8
+"""Frames that agree with no place, one after the other, before it is said to be lost."""
+_UNSURE = 1.5
+"""Standard deviation of the place, in reference frames, from which on it is not known."""
+_OFFSET_LIMIT = 0.08
+"""Share of the picture's width by which a part may lie off: beyond, the fixture or the camera has moved."""
+_OFF_CURVE = 8.0
+"""Distance from the manifold, in standard deviations of a good part, at the limit of the position residual."""
+_PACE_LIMIT = 3.0
+"""Times the reference pace at the limit of the timing residual."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """One sweep of one part, so far. A value: keep it, resume it, compare two of them."""
+
+    appearance: Appearance
+    policy: Policy
+    memory: Memory
+    frames: tuple[ScoredFrame, ...] = ()
+    dropped: int = 0
+    last_sequence: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What should be there, and what is: pictures on the reference's grid."""
+
+    expected: np.ndarray
+    """uint8 (h, w) or (h, w, 3)."""
+    seen: np.ndarray
+    """The frame laid on it and lit like it, uint8."""
+    difference: np.ndarray
+    """float32 grey levels, seen less expected."""
+    placement: tuple[float, ...]
+
+
+def begin(appearance: Appearance, policy: Policy | None = None) -> Inspection:
+    """Before the first frame of a part."""
+    return Inspection(appearance, policy or Policy(), remember(appearance))
+
+
+def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]:
+    """Score one frame. Raises PictureError for a picture of another size, and then nothing has changed."""
+    appearance, policy = inspection.appearance, inspection.policy
+    size, colour = appearance.size, appearance.references.colour
+    if frame.size != size or (frame.pixels.ndim == 3) != colour:
+        kind = ["grey", "colour"]
+        raise PictureError(
+            f"frame {frame.sequence} is {frame.size[0]}x{frame.size[1]} {kind[frame.pixels.ndim == 3]}, "
+            f"the appearance was learnt from {size[0]}x{size[1]} {kind[colour]}; nothing else can be compared"
+        )
+    limits = replace(appearance.limits, factor=appearance.limits.factor / policy.sensitivity)
+    memory, shown = look(appearance, limits, inspection.memory, frame)
+    scored = _scored(inspection, frame, memory, shown)
+    last = inspection.last_sequence
+    dropped = inspection.dropped + (max(0, frame.sequence - last - 1) if last is not None else 0)
+    return replace(
+        inspection,
+        memory=memory,
+        frames=(*inspection.frames, scored),
+        dropped=dropped,
+        last_sequence=frame.sequence,
+    ), scored
+
+
+def conclude(inspection: Inspection, stopped: bool = False) -> Result:
+    """The verdict. `stopped` says that the line broke the sweep off on purpose, because NG was certain."""
+    appearance = inspection.appearance
+    return judge(
+        inspection.frames,
+        inspection.policy,
+        appearance.s,
+        appearance.path,
+        appearance_id=appearance.id,
+        dropped=inspection.dropped,
+        digest=digest(inspection),
+        stopped=stopped,
+    )
+
+
+def digest(inspection: Inspection) -> str:
+    """sha256 over appearance, policy and every scored frame; not over ids and clocks."""
+    running = hashlib.sha256(inspection.appearance.id.encode())
+    running.update(json.dumps(asdict(inspection.policy), sort_keys=True).encode())
+    start = inspection.frames[0].t_ns if inspection.frames else 0
+    for frame in inspection.frames:
+        fields = asdict(frame) | {"t_ns": frame.t_ns - start}
+        running.update(json.dumps(fields, sort_keys=True).encode())
+    return "sha256:" + running.hexdigest()
+
+
+def explain(appearance: Appearance, frame: Frame, scored: ScoredFrame) -> Explanation | None:
+    """Expected and seen side by side; None where the frame was not compared."""
+    if scored.reference < 0:
+        return None
+    expected = appearance.references.get(scored.reference).picture
+    a, b, c, d, e, f = scored.placement
+    w, h = frame.size
+    pose = np.array([0.0, 0.0, np.arctan2(d, a)])
+    base = affine(pose, (w, h))
+    pose[:2] = c - base[0, 2], f - base[1, 2]
+    seen = aligned(levels(frame.pixels), pose, np.array(scored.light))
+    whole = np.clip(expected, 0, 255).astype(np.uint8)
+    difference = seen - expected.astype(np.float32)
+    return Explanation(whole, np.clip(seen, 0, 255).astype(np.uint8), difference, (a, b, c, d, e, f))
+
+
+def _scored(inspection: Inspection, frame: Frame, memory: Memory, shown: Look | None) -> ScoredFrame:
+    index, appearance = len(inspection.frames), inspection.appearance
+    state = _state(inspection, memory, shown)
+    if state is not FrameState.SCORED or shown is None or shown.score is None:
+        none = Residuals(0.0, 0.0, 0.0)
+        return ScoredFrame(index, frame.t_ns, state, None, 0.0, 0.0, none)
+    located = shown.located
+    score = float(shown.score.max())
+    s = float(np.interp(located.at, np.arange(appearance.places), appearance.s))
+    residuals = Residuals(score, _position(appearance, memory, shown), _timing(memory))
+    pose = full_pose(located.registered.pose, appearance.size)
+    placement = tuple(float(v) for v in affine(pose, appearance.size).ravel())
+    return ScoredFrame(
+        index,
+        frame.t_ns,
+        state,
+        s,
+        score,
+        shown.raw,
+        residuals,
+        regions(appearance, shown),
+        located.reference,
+        placement,
+        tuple(float(v) for v in located.registered.light),
+    )
+
+
+def _state(inspection: Inspection, memory: Memory, shown: Look | None) -> FrameState:
+    if shown is None:
+        return FrameState.BLIND
+    if shown.score is not None and shown.located.uncertainty <= _UNSURE:
+        return FrameState.SCORED
+    if not any(frame.state is FrameState.SCORED for frame in inspection.frames[-200:]):
+        return FrameState.WAITING
+    return FrameState.LOST if memory.trail.misses > _LOST_AFTER else FrameState.AMBIGUOUS
+
+
+def _position(appearance: Appearance, memory: Memory, shown: Look) -> float:
+    """Off the curve: the look does not belong to the place, or the part lies off in its fixture."""
+    fixture = memory.trail.fixture
+    off = 0.0
+    if fixture is not None:
+        off = float(np.hypot(*fixture.offset[:2])) / (_OFFSET_LIMIT * 320)
+    return max(off, shown.z_distance / _OFF_CURVE)
+
+
+def _timing(memory: Memory) -> float:
+    """Wrong pace: a standstill is none (it is told by the health), twice the pace is, half is not yet."""
+    fixture = memory.trail.fixture
+    if fixture is None:
+        return 0.0
+    pace = float(fixture.mean[1])
+    return abs(pace - 1.0) / (_PACE_LIMIT - 1.0)

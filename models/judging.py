@@ -1,0 +1,155 @@
+"""Judging is a fold over scored frames: deviations, coverage, health, verdict; no picture is needed again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from models.fixture import Path
+from models.verdict import Deviation, FrameState, Judgement, Policy, Region, Result, ScoredFrame
+
+_SEES = 0.15
+"""A scored frame vouches for places whose pictures lie within this share of 320 pixels of its own."""
+_FEW = 5
+"""Shorter sweeps show nothing of a part."""
+
+
+def judge(
+    frames: Sequence[ScoredFrame],
+    policy: Policy,
+    s: Float[np.ndarray, "n"],
+    path: Path,
+    *,
+    appearance_id: str,
+    dropped: int,
+    digest: str,
+    stopped: bool = False,
+) -> Result:
+    """The verdict on a sweep, with every reason. The order of weight: INVALID, INCOMPLETE, NG, REVIEW, OK.
+
+    A sweep that ended early is INCOMPLETE even where deviations were found, so that a line never mistakes an aborted
+    sweep for an inspected part; a sweep that the line `stopped` because NG was certain stays NG.
+    """
+    scored = [frame for frame in frames if frame.state is FrameState.SCORED]
+    covered = _covered(scored, s, path)
+    coverage = float(covered.mean()) if scored else 0.0
+    found = deviations(scored, policy)
+    verdict, reasons = _verdict(frames, scored, policy, coverage, found, stopped)
+    reasons = (*reasons, *_missing(covered, s, coverage, policy))
+    return Result(
+        verdict, reasons, coverage, len(scored), dropped, found, appearance_id, digest, tuple(frames)
+    )
+
+
+def _verdict(
+    frames: Sequence[ScoredFrame],
+    scored: Sequence[ScoredFrame],
+    policy: Policy,
+    coverage: float,
+    found: tuple[Deviation, ...],
+    stopped: bool,
+) -> tuple[Judgement, tuple[str, ...]]:
+    strayed = len(frames) - len(scored)
+    if len(scored) < _FEW or strayed > policy.invalid_share * len(frames):
+        return Judgement.INVALID, (_why_invalid(frames, scored),)
+    wrong = [d for d in found if d.kind == "appearance"]
+    told = tuple(_told(d) for d in found)
+    if coverage < policy.coverage and not (wrong and stopped):
+        return Judgement.INCOMPLETE, told
+    if wrong:
+        return Judgement.NG, told
+    peak = max(scored, key=lambda frame: frame.score)
+    if peak.score >= 1.0 - policy.review_margin:
+        near = f"near the limit: score {peak.score:.2f} at s = {peak.s:.3f} (frame {peak.index})"
+        return Judgement.REVIEW, (*told, near)
+    if found:
+        return Judgement.REVIEW, told
+    return Judgement.OK, (f"all places within tolerance: highest score {peak.score:.2f} at s = {peak.s:.3f}",)
+
+
+def _why_invalid(frames: Sequence[ScoredFrame], scored: Sequence[ScoredFrame]) -> str:
+    blind = sum(frame.state is FrameState.BLIND for frame in frames)
+    if not frames:
+        return "no frame came"
+    if blind > len(frames) / 2:
+        return f"{blind} of {len(frames)} frames show nothing: lamp out, lens covered or saturated"
+    return (
+        f"only {len(scored)} of {len(frames)} frames agree with the learnt part: another part, the wrong way round, "
+        "or another sweep"
+    )
+
+
+def _told(deviation: Deviation) -> str:
+    polarity = f" too {deviation.polarity}" if deviation.polarity else ""
+    return (
+        f"{deviation.kind}{polarity} between s = {deviation.s_start:.3f} and {deviation.s_end:.3f}, "
+        f"score {deviation.peak_score:.2f} at frame {deviation.peak_index}"
+    )
+
+
+def _covered(scored: Sequence[ScoredFrame], s: Float[np.ndarray, "n"], path: Path) -> Bool[np.ndarray, "n"]:
+    """Which places were seen: those that a scored frame shows most of."""
+    covered = np.zeros(len(s), bool)
+    places = np.arange(len(s))
+    points = path.points
+    for frame in scored:
+        at = float(np.interp(frame.s if frame.s is not None else 0.0, s, places))
+        near = slice(max(0, int(at) - 12), min(len(s), int(at) + 14))
+        off = points[near] - points[min(round(at), len(s) - 1)]
+        covered[near] |= (np.hypot(off[:, 0], off[:, 1]) <= _SEES * 320) & (np.abs(places[near] - at) < 8)
+    return covered
+
+
+def _missing(
+    covered: Bool[np.ndarray, "n"], s: Float[np.ndarray, "n"], coverage: float, policy: Policy
+) -> tuple[str, ...]:
+    """A sentence for each long stretch that was not seen."""
+    if coverage >= policy.coverage:
+        return ()
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], covered.astype(np.int8), [1]])))
+    stretches = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= max(2, 0.01 * len(s))]
+    return tuple(f"not seen between s = {s[a]:.3f} and {s[min(b, len(s) - 1)]:.3f}" for a, b in stretches)
+
+
+def deviations(scored: Sequence[ScoredFrame], policy: Policy) -> tuple[Deviation, ...]:
+    """Stretches out of tolerance, with hysteresis, each kind apart, in the order of their first frame."""
+    found: list[Deviation] = []
+    for kind in ("appearance", "position", "timing"):
+        run: list[ScoredFrame] = []
+        for frame in scored:
+            if getattr(frame.residuals, kind) >= policy.hysteresis:
+                run.append(frame)
+                continue
+            found += _closed(run, kind)
+            run = []
+        found += _closed(run, kind)
+    return tuple(sorted(found, key=lambda d: (d.index_start, d.kind)))
+
+
+def _closed(run: list[ScoredFrame], kind: str) -> list[Deviation]:
+    """The deviation that a run of raised frames is, if it reached the threshold."""
+    if not run:
+        return []
+    peak = max(run, key=lambda frame: getattr(frame.residuals, kind))
+    height = float(getattr(peak.residuals, kind))
+    if height < 1.0:
+        return []
+    places = [frame.s for frame in run if frame.s is not None]
+    step = float(np.median([abs(b - a) for a, b in pairwise(places)])) if len(places) > 1 else 0.0
+    regions: tuple[Region, ...] = peak.regions if kind == "appearance" else ()
+    return [
+        Deviation(
+            min(places),
+            min(1.0, max(places) + step),
+            run[0].index,
+            run[-1].index + 1,
+            kind,
+            regions[0].polarity if regions else None,
+            height,
+            peak.index,
+            regions,
+        )
+    ]

@@ -1,0 +1,156 @@
+"""Where along the sweep: an on-line filter over s that knows pace and says when it does not know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+_STEPS = np.arange(-2, 9)
+"""How many places a frame may lie from the one before: two back, eight ahead."""
+_LOST = 24.0
+"""Cost of a jump to anywhere: what a chain may be worse than a fresh start."""
+_CAP = 16.0
+"""What one frame may say against a place: one picture with a defect in it moves nobody."""
+_SPREAD = np.array([5.0, 5.0, 0.012, 0.15, 0.15])
+"""How far the picture may be shifted (pixels), turned (radians) and shaded (share) at a place."""
+_MISFIT_PX = 0.3
+"""Good parts differ from the golden one as if every edge stood this far off, in pixels."""
+_DIMENSIONS = 8.0
+"""Coordinates that speak independently: what good parts have in common with each other ties the k together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The learnt curve with what the filter needs at each of its n places (one per reference picture)."""
+
+    z: Float[np.ndarray, "n k"]
+    slope: Float[np.ndarray, "n 5 k"]
+    """How z moves with the picture: per pixel of shift in x and in y, per radian, per unit of shading in x and y."""
+    motion: Float[np.ndarray, "n 2"]
+    """How far the picture moves to the next place, in pixels."""
+    noise: float
+    """Standard deviation of z per coordinate at a known place, from sensor noise alone."""
+
+    def __post_init__(self) -> None:
+        n, j, k = self.slope.shape
+        sigma2 = self.noise**2 + _MISFIT_PX**2 * np.square(self.slope[:, :2]).sum(axis=(1, 2)) / k
+        gram = self.slope @ self.slope.transpose(0, 2, 1)
+        gram += (sigma2[:, None] / _SPREAD**2)[:, :, None] * np.eye(j)
+        derived = dict(
+            _sigma2=sigma2,
+            _square=np.einsum("nk,nk->n", self.z, self.z),
+            _flat=self.slope.reshape(n * j, k),
+            _offset=np.einsum("njk,nk->nj", self.slope, self.z),
+            _solve=np.linalg.inv(gram),
+            _length=np.maximum(np.einsum("nj,nj->n", self.motion, self.motion), 1.0),
+        )
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
+
+    def misfit(self, place: int, z: Float[np.ndarray, "k"]) -> float:
+        """Distance of z from the curve about a place, shift, turn and shading taken out; about 1 on a good part."""
+        away = z - self.z[place]
+        slopes = self.slope[place] @ away
+        left = max(float(away @ away - slopes @ self._solve[place] @ slopes), 0.0)
+        return float(np.sqrt(left / (len(z) * self._sigma2[place])))
+
+    def looks(self, z: Float[np.ndarray, "k"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 5"]]:
+        """Cost of seeing z at every place, and the shift, turn and shading that explain it best."""
+        away = z @ z - 2 * (self.z @ z) + self._square
+        slopes = (self._flat @ z).reshape(self._offset.shape) - self._offset
+        fit = np.einsum("nij,nj->ni", self._solve, slopes)
+        left = np.maximum(away - np.einsum("nj,nj->n", slopes, fit), 0)
+        k = self.z.shape[1]
+        per_coordinate = left / (k * self._sigma2)
+        # a heavy tail: beyond twice the noise a look is a defect or another place, not ever more unlikely
+        misfit = np.where(per_coordinate < 4, per_coordinate, 4 + 4 * np.log(np.maximum(per_coordinate, 4) / 4))
+        cost = 0.5 * _DIMENSIONS * (misfit + np.log(self._sigma2))
+        return np.minimum(cost - cost.min(), _CAP), fit
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """What the filter believes after a frame: a cost for every place, and what each one carries."""
+
+    cost: Float[np.ndarray, "n"]
+    at: Float[np.ndarray, "n"]
+    """Where, in reference frames, the hypothesis of each place stands: its index and a fraction."""
+    pace: Float[np.ndarray, "n"]
+    """Reference frames per nominal frame interval, along the path of each hypothesis."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The filter's answer: the best place, and how far behind the best other place is."""
+
+    index: int
+    at: float
+    pace: float
+    margin: float
+    """Cost by which every place further than three frames away is worse."""
+    others: tuple[int, ...]
+    """Rival places, best first."""
+
+
+def start(track: Track) -> Places:
+    """Before the first frame: the sweep begins in the first tenth, or, less likely, anywhere."""
+    n = len(track.z)
+    i = np.arange(n, dtype=float)
+    cost = np.minimum(np.maximum(0, i - max(n / 10, 3)), _LOST)
+    return Places(cost, i.copy(), np.ones(n))
+
+
+def move(
+    track: Track, places: Places, z: Float[np.ndarray, "k"], elapsed: float, fixture: Float[np.ndarray, "3"]
+) -> Places:
+    """One frame further: `elapsed` nominal frame intervals after the one before."""
+    n = len(track.z)
+    look, fit = track.looks(z.astype(float))
+    fraction = np.einsum("nj,nj->n", fit[:, :2] - fixture[:2], track.motion) / track._length
+    at = np.arange(n) + np.clip(fraction, -0.6, 0.6)
+
+    origin = np.arange(n)[:, None] - _STEPS[None, :]
+    inside = (origin >= 0) & (origin < n)
+    origin = np.clip(origin, 0, n - 1)
+    expected = np.maximum(places.pace[origin], 0.3) * elapsed
+    travel = at[:, None] - places.at[origin]
+    off = np.abs(travel - expected) / (0.3 + 0.25 * expected)
+    pace_cost = np.where(off < 2, 0.5 * off * off, 2 * off - 2)
+    still = 4.0 + 3.0 * np.square(travel / 0.5)
+    cost = places.cost[origin] + np.minimum(pace_cost, still) + np.where(travel < -0.75, 6.0, 0.0)
+    cost[~inside] = np.inf
+    best = cost.argmin(axis=1)
+    rows = np.arange(n)
+    chain, origin, step = cost[rows, best], origin[rows, best], travel[rows, best]
+    floor = float(places.cost.min()) + _LOST
+    fresh = chain > floor
+    old = places.pace[origin]
+    moving = step > 0.3 * old * elapsed
+    pace = np.where(moving, old + 0.2 * (np.clip(step / elapsed, 0.2, 3.0) - old), old)
+    total = np.where(fresh, floor, chain) + look
+    return Places(total - total.min(), at, np.where(fresh, 1.0, pace))
+
+
+def standing(places: Places) -> Standing:
+    """The best place and its rivals."""
+    i = int(places.cost.argmin())
+    rest = places.cost.copy()
+    rest[max(0, i - 3) : i + 4] = np.inf
+    others: list[int] = []
+    margin = float(rest.min())
+    for _ in range(2):
+        j = int(rest.argmin())
+        if not np.isfinite(rest[j]):
+            break
+        others.append(j)
+        rest[max(0, j - 3) : j + 4] = np.inf
+    return Standing(i, float(places.at[i]), float(places.pace[i]), margin, tuple(others))
+
+
+def vouch(places: Places, at: float, weight: float) -> Places:
+    """The picture itself fits at `at`: places elsewhere become costlier by up to `weight`."""
+    i = np.arange(len(places.cost))
+    cost = places.cost + weight * np.minimum(np.square((i - at) / 2.0), 1.0)
+    return replace(places, cost=cost - cost.min())

@@ -1,0 +1,156 @@
+"""One frame against the appearance: placed, laid on the reference picture, compared, and agreed with the places before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from models.appearance import Appearance
+from models.frame import Frame
+from models.limits import Limits
+from models.localise import Located, Trail, begin, locate
+from models.persistence import Sight, persist
+from models.references import Reference
+from models.registration import affine, full_pose, shrink_by, smooth
+from models.tolerance import BRIGHT, aligned, beyond, evidence, levels, outside
+from models.verdict import Region
+
+_WIDENS = 0.25
+"""Scores of golden sweeps from here on widen the band."""
+_BLIND_SPREAD = 2.0
+"""A picture that varies by less than this (standard deviation, grey levels) shows nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What is carried from frame to frame: a small value."""
+
+    trail: Trail
+    sights: tuple[Sight, ...] = ()
+    t_ns: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What one frame showed; `score` is laid on the reference picture."""
+
+    located: Located
+    z_distance: float
+    """Distance of z from the curve where the frame was placed: about 1 on a good part."""
+    score: Float[np.ndarray, "rows cols 2"] | None
+    """Evidence over threshold that the last places agree on; None where the frame could not be compared."""
+    raw: float
+    """The largest evidence agreed on, in grey levels."""
+
+
+def remember(appearance: Appearance) -> Memory:
+    """Before the first frame."""
+    return Memory(begin(appearance.track))
+
+
+def is_blind(picture: np.ndarray) -> bool:
+    """Lamp out, lens covered or saturated: nothing to see."""
+    small = cv2.resize(picture, (32, 24), interpolation=cv2.INTER_AREA)
+    return float(small.std()) < _BLIND_SPREAD
+
+
+def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -> tuple[Memory, Look | None]:
+    """Score one frame; None where the picture shows nothing."""
+    picture = levels(frame.pixels)
+    elapsed = _elapsed(appearance, memory, frame)
+    memory = replace(memory, t_ns=frame.t_ns)
+    if is_blind(picture):
+        return memory, None
+    references = appearance.references
+    x = appearance.preparation.prepare(frame.pixels)
+    z = appearance.eigenspace.project(x)
+    trail, located = locate(
+        memory.trail, appearance.track, appearance.path, lambda i: references.get(i).template, smooth(picture), z, elapsed
+    )
+    memory = replace(memory, trail=trail)
+    distance = appearance.track.misfit(located.reference, z.astype(float))
+    if not located.verified:
+        return memory, Look(located, distance, None, 0.0)
+    reference = references.get(located.reference)
+    raw, hidden = measure(reference, picture, located)
+    threshold = limits.threshold(reference.band.contrast)
+    path = appearance.path
+    by = shrink_by(appearance.size)
+    grid, point = by * path.between(0, located.reference), by * path.between(0, located.at)
+    sights, score = persist(
+        memory.sights, raw / threshold[:, :, None], hidden, (located.at, point, grid), reference.cell
+    )
+    peak = np.unravel_index(int(score.argmax()), score.shape)
+    return replace(memory, sights=sights), Look(located, distance, score, float(score[peak] * threshold[peak[:2]]))
+
+
+def measure(reference: Reference, picture: np.ndarray, located: Located) -> tuple[np.ndarray, np.ndarray]:
+    """Evidence (rows, cols, 2) in grey levels of a placed picture, and the cells that it does not show."""
+    h, w = picture.shape[:2]
+    pose = full_pose(located.registered.pose, (w, h))
+    laid = aligned(picture, pose, located.registered.light)
+    return evidence(reference.band, laid, reference.cell), outside(pose, (w, h), reference.cell)
+
+
+def regions(appearance: Appearance, shown: Look) -> tuple[Region, ...]:
+    """Where the score is at the threshold or above, in pixels of the frame; the strongest first."""
+    if shown.score is None or float(shown.score.max()) < 1.0:
+        return ()
+    size, cell = appearance.size, appearance.references.cell
+    m = affine(full_pose(shown.located.registered.pose, size), size)
+    found: list[Region] = []
+    for polarity, name in ((BRIGHT, "bright"), (1 - BRIGHT, "dark")):
+        layer = shown.score[:, :, polarity]
+        count, labels, boxes, _ = cv2.connectedComponentsWithStats((layer >= 1.0).astype(np.uint8), connectivity=8)
+        for i in range(1, count):
+            x, y, width, height = (int(v) for v in boxes[i, :4])
+            peak = float(layer[y : y + height, x : x + width][labels[y : y + height, x : x + width] == i].max())
+            found.append(_region(m, (x * cell, y * cell, (x + width) * cell, (y + height) * cell), size, peak, name))
+    return tuple(sorted(found, key=lambda region: -region.score))
+
+
+def _region(
+    m: np.ndarray, box: tuple[int, int, int, int], size: tuple[int, int], peak: float, polarity: str
+) -> Region:
+    corners = m @ np.array([[box[0], box[2], box[0], box[2]], [box[1], box[1], box[3], box[3]], [1, 1, 1, 1]], float)
+    x0, y0 = np.clip(np.floor(corners.min(axis=1)), 0, np.array(size) - 1)
+    x1, y1 = np.clip(np.ceil(corners.max(axis=1)), np.array([x0, y0]) + 1, size)
+    return Region(int(x0), int(y0), int(x1 - x0), int(y1 - y0), peak, polarity)
+
+
+def _elapsed(appearance: Appearance, memory: Memory, frame: Frame) -> float:
+    """Nominal frame intervals since the frame before: 1 where times cannot tell."""
+    if memory.t_ns is None or appearance.interval_ns <= 0:
+        return 1.0
+    return float(np.clip((frame.t_ns - memory.t_ns) / appearance.interval_ns, 0.05, 12.0))
+
+
+def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> dict[int, np.ndarray]:
+    """What a good picture shows beyond the band, for the places about it: uint8 (2 h, w[, 3]), bright above dark.
+
+    Only what persists counts: noise and misregistration widen nothing.
+    """
+    located = shown.located
+    reference = appearance.references.get(located.reference)
+    if shown.score is None or float(shown.score.max()) < _WIDENS:
+        return {}
+    h, w = picture.shape[:2]
+    cell = reference.cell
+    laid = aligned(picture, full_pose(located.registered.pose, (w, h)), located.registered.light)
+    parts = []
+    for polarity, excess in enumerate(beyond(reference.band, laid)):
+        where = cv2.dilate((shown.score[:, :, polarity] >= _WIDENS).astype(np.uint8), np.ones((3, 3), np.uint8))
+        mask = cv2.resize(where, (where.shape[1] * cell, where.shape[0] * cell), interpolation=cv2.INTER_NEAREST)
+        mask = mask[:h, :w] if excess.ndim == 2 else mask[:h, :w, None]
+        parts.append(np.minimum(np.ceil(excess * mask), 255).astype(np.uint8))
+    already = reference.excess if reference.excess is not None else np.zeros((2, *picture.shape), np.uint8)
+    parts = [np.where(part > 0, cv2.add(part, old), 0) for part, old in zip(parts, already, strict=True)]
+    found: dict[int, np.ndarray] = {}
+    for place in range(max(0, located.reference - 2), min(appearance.places, located.reference + 3)):
+        dx, dy = shrink_by(appearance.size) * appearance.path.between(located.reference, place)
+        m = np.array([[1, 0, dx], [0, 1, dy]])
+        found[place] = np.vstack([cv2.warpAffine(part, m, (w, h), flags=cv2.INTER_NEAREST) for part in parts])
+    return found
