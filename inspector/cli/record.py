@@ -1,0 +1,85 @@
+"""`inspector record`: a camera's sweep into a recording."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from inspector.cli.terminal import status, warn
+
+if TYPE_CHECKING:
+    from inspector.recorder import RecordingSummary
+
+
+def record(
+    *,
+    camera: Annotated[
+        str, typer.Option(metavar="URL", help="simulated:?part=board, folder:PATH, opencv:0, opencv:rtsp://...")
+    ],
+    out: Annotated[Path, typer.Option(metavar="SWEEP.mcap", help="New file for the recording.")],
+    seconds: Annotated[float | None, typer.Option(min=0.001, help="Stop after so many seconds of the sweep.")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Stop after so many frames.")] = None,
+    product: Annotated[str | None, typer.Option(metavar="ID", help="The kind of part, kept in the recording.")] = None,
+    part: Annotated[str | None, typer.Option(metavar="ID", help="The serial number, kept in the recording.")] = None,
+) -> None:
+    """Record one sweep. Ctrl-C ends it and closes the file properly.
+
+    Example: inspector record --camera "simulated:?part=board" --out golden.mcap --product board
+    """
+    from inspector.cameras import open_camera  # noqa: PLC0415
+    from inspector.recorder import record as record_sweep  # noqa: PLC0415
+
+    with open_camera(camera) as source, _stopped_by_signals() as stop, status("recording") as say:
+        summary = record_sweep(
+            source, out, seconds=seconds, frames=frames, product_id=product, part_id=part,
+            lossless=waits(camera), on_progress=lambda so_far: say(_counted(so_far)), stop=stop,
+        )  # fmt: skip
+    if summary.drops:
+        warn(f"{summary.drops} frames came faster than the disk took them; they are lost, and counted in {out}")
+    print(f"{out}: {_counted(summary)}")
+
+
+def waits(camera: str) -> bool:
+    """Whether this source can wait for the disk: pictures, video files and unpaced simulations; a live camera cannot.
+
+    >>> waits("folder:shots"), waits("simulated:?realtime=1"), waits("opencv:0")
+    (True, False, False)
+    """
+    from inspector.cameras.base import split_url  # noqa: PLC0415
+
+    scheme, place, query = split_url(camera)
+    if scheme == "simulated":
+        return query.get("realtime", "0").lower() in ("0", "false", "no")
+    return scheme == "folder" or (scheme == "opencv" and Path(place).is_file())
+
+
+def _counted(summary: RecordingSummary) -> str:
+    """The figures of a recording, in words."""
+    lost = f", {summary.drops} dropped" if summary.drops else ""
+    return f"{summary.frames} frames{lost}, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB"
+
+
+@contextmanager
+def _stopped_by_signals() -> Generator[threading.Event]:
+    """An event that the first Ctrl-C or SIGTERM sets; the second interrupts a camera that delivers nothing more."""
+    stop = threading.Event()
+
+    def stopped(number: int, at: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    kinds = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(kind, stopped) for kind in kinds]
+    try:
+        yield stop
+    finally:
+        for kind, handler in zip(kinds, before, strict=True):
+            signal.signal(kind, handler)

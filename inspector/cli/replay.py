@@ -1,0 +1,98 @@
+"""`inspector replay`: a recording inspected as if it came from the camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from inspector.cli.terminal import Progress, progress, warn
+
+if TYPE_CHECKING:
+    from inspector.recording import SweepReader
+    from inspector.replay import Replayed
+    from models.appearance import Appearance
+    from models.verdict import Policy
+
+NOT_OK = 3
+
+
+def replay(
+    sweep: Annotated[Path, typer.Argument(metavar="SWEEP.mcap", help="The recording.")],
+    *,
+    appearance: Annotated[Path, typer.Option(metavar="PART.appearance", help="What `learn` wrote.")],
+    json: Annotated[Path | None, typer.Option(metavar="RESULT.json", help="New file for the whole result.")] = None,
+    mcap: Annotated[
+        Path | None, typer.Option(metavar="SCORED.mcap", help="New recording with scores and boxes, for Foxglove.")
+    ] = None,
+    filmstrip: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for a picture per deviation: expected, seen, difference.")
+    ] = None,
+    policy: Annotated[
+        Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
+    ] = None,
+    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+    fail_on_ng: Annotated[bool, typer.Option("--fail-on-ng", help="Exit 3 on a verdict other than OK.")] = False,
+) -> None:
+    """Inspect a recording. The same recording, appearance and policy give the same digest.
+
+    Example: inspector replay part-0042.mcap --appearance board.appearance --json part-0042.json
+    """
+    from inspector.files import refuse_taken  # noqa: PLC0415
+    from inspector.learner import load_appearance  # noqa: PLC0415
+    from inspector.policies import read_policy  # noqa: PLC0415
+    from inspector.recording import SweepReader  # noqa: PLC0415
+    from inspector.result_json import result_record, write_result  # noqa: PLC0415
+    from models.verdict import Judgement, Policy  # noqa: PLC0415
+
+    for out in (json, mcap):
+        if out is not None:
+            refuse_taken(out)
+    recording, learnt = SweepReader(sweep, topic=topic), load_appearance(appearance)
+    replayed = _replayed(recording, learnt, read_policy(policy) if policy else Policy(), mcap)
+    if json is not None:
+        write_result(json, result_record(replayed.result, replayed.facts, is_simulated=True))
+    _print(replayed, sweep)
+    if filmstrip is not None:
+        _write_filmstrips(filmstrip, recording, learnt, replayed)
+    if fail_on_ng and replayed.result.verdict is not Judgement.OK:
+        raise typer.Exit(NOT_OK)
+
+
+def _replayed(recording: SweepReader, appearance: Appearance, policy: Policy, mcap: Path | None) -> Replayed:
+    """Replay with progress, by the number of frames that the recording announces."""
+    from inspector.recording import count_frames  # noqa: PLC0415
+    from inspector.replay import replay as replay_recording  # noqa: PLC0415
+    from models.frame import Frame  # noqa: PLC0415
+    from models.verdict import ScoredFrame  # noqa: PLC0415
+
+    total = count_frames(recording.path)
+
+    def tell(share: Progress, scored: ScoredFrame) -> None:
+        if total:
+            share((scored.index + 1) / total)
+
+    with progress("inspecting") as share:
+
+        def on_scored(frame: Frame, scored: ScoredFrame) -> None:
+            tell(share, scored)
+
+        return replay_recording(recording, appearance, policy, on_scored=on_scored, scored_recording=mcap)
+
+
+def _print(replayed: Replayed, sweep: Path) -> None:
+    from inspector.report import sentences  # noqa: PLC0415
+
+    for loss in replayed.losses:
+        warn(f"{sweep}: {loss}")
+    print(f"{sweep}: {replayed.result.verdict}")
+    for line in sentences(replayed.result):
+        print(f"  {line}")
+
+
+def _write_filmstrips(folder: Path, recording: SweepReader, appearance: Appearance, replayed: Replayed) -> None:
+    from inspector.filmstrip import write_filmstrips  # noqa: PLC0415
+
+    for path in write_filmstrips(folder, recording, appearance, replayed.result, recording.path.stem):
+        print(f"  {path}")

@@ -1,0 +1,41 @@
+"""What commands say besides their results: progress and warnings, on stderr, progress on a terminal only."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+
+Progress = Callable[[float], None]
+"""Told the share of the work that is done, in [0, 1]."""
+
+
+def warn(said: str) -> None:
+    """A line that is no error."""
+    print(f"inspector: warning: {said}", file=sys.stderr)
+
+
+@contextmanager
+def progress(title: str) -> Generator[Progress]:
+    """A bar that goes away when the work is done; nothing where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield lambda share: None
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import Progress as Bar  # noqa: PLC0415
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def status(title: str) -> Generator[Callable[[str], None]]:
+    """A line that is overwritten, for work whose end is not known; nothing where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield lambda said: None
+        return
+    from rich.console import Console  # noqa: PLC0415
+
+    with Console(stderr=True).status(title) as line:
+        yield lambda said: line.update(f"{title}: {said}")

@@ -1,0 +1,88 @@
+"""Result -> JSON, by the names that scripts outside rely on; written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from uuid import uuid4
+
+from inspector.files import write_new
+from models.verdict import Deviation, Region, Result, ScoredFrame
+
+
+def result_record(
+    result: Result, facts: Mapping[str, str], *, is_simulated: bool, recipe_id: str | None = None
+) -> dict[str, object]:
+    """Everything of a concluded inspection; `facts` tell product and part, which are null where nobody said."""
+    return {
+        "result_id": str(uuid4()),
+        "product_id": facts.get("product_id"),
+        "part_id": facts.get("part_id"),
+        "recipe_id": recipe_id,
+        "appearance_id": result.appearance_id,
+        "verdict": result.verdict.value,
+        "result_state": "completed",
+        "is_partial": False,
+        "is_simulated": is_simulated,
+        "reasons": list(result.reasons),
+        "coverage": _number(result.coverage),
+        "frames_scored": result.frames_scored,
+        "frames_dropped": result.frames_dropped,
+        "digest": result.digest,
+        "deviations": [_deviation(deviation) for deviation in result.deviations],
+        "frames": [_frame(frame) for frame in result.frames],
+    }
+
+
+def _deviation(deviation: Deviation) -> dict[str, object]:
+    return {
+        "s_start": _number(deviation.s_start),
+        "s_end": _number(deviation.s_end),
+        "index_start": deviation.index_start,
+        "index_end": deviation.index_end,
+        "kind": deviation.kind,
+        "polarity": deviation.polarity,
+        "peak_score": _number(deviation.peak_score),
+        "peak_index": deviation.peak_index,
+        "regions": [_region(region) for region in deviation.regions],
+    }
+
+
+def _frame(frame: ScoredFrame) -> dict[str, object]:
+    residuals = frame.residuals
+    return {
+        "index": frame.index,
+        "t_ns": frame.t_ns,
+        "state": frame.state.value,
+        "s": None if frame.s is None else _number(frame.s),
+        "score": _number(frame.score),
+        "raw_score": _number(frame.raw_score),
+        "residuals": {
+            "appearance": _number(residuals.appearance),
+            "position": _number(residuals.position),
+            "timing": _number(residuals.timing),
+        },
+        "regions": [_region(region) for region in frame.regions],
+    }
+
+
+def _number(value: float) -> float:
+    """A millionth is below what any of these numbers means."""
+    return round(float(value), 6)
+
+
+def _region(region: Region) -> dict[str, object]:
+    return {
+        "x": region.x,
+        "y": region.y,
+        "width": region.width,
+        "height": region.height,
+        "score": _number(region.score),
+        "polarity": region.polarity,
+    }
+
+
+def write_result(path: Path, record: Mapping[str, object]) -> None:
+    """The record as a new JSON file. Raises OutputExists, NotWritten."""
+    write_new(path, json.dumps(record, indent=1, allow_nan=False).encode() + b"\n")
