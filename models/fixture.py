@@ -25,15 +25,16 @@ class Path:
     def __post_init__(self) -> None:
         points = np.vstack([np.zeros(2), np.cumsum(self.motion[:-1], axis=0)])
         object.__setattr__(self, "points", points)
-        object.__setattr__(self, "_index", np.arange(len(points)))
 
-    def between(self, start: float, end: float | np.ndarray) -> np.ndarray:
-        """Displacement of the picture from one place to another, in pixels: (2,) or (m, 2)."""
-        return self._point(end) - self._point(start)
+    def between(self, start: float, end: float) -> Float[np.ndarray, "2"]:
+        """Displacement of the picture from one place to another, in pixels."""
+        return self.at(end) - self.at(start)
 
-    def _point(self, at: float | np.ndarray) -> np.ndarray:
-        at = np.asarray(at, float)
-        return np.stack([np.interp(at, self._index, self.points[:, k]) for k in (0, 1)], axis=-1)
+    def at(self, place: float) -> Float[np.ndarray, "2"]:
+        """Displacement of the picture from the first place, in pixels; held at the ends."""
+        i = min(max(int(place), 0), len(self.points) - 2)
+        fraction = min(max(place - i, 0.0), 1.0)
+        return self.points[i] * (1.0 - fraction) + self.points[i + 1] * fraction
 
     def speed(self, at: float) -> Float[np.ndarray, "2"]:
         """Displacement per place about `at`."""
@@ -80,7 +81,7 @@ class Fixture:
         f[AT, PACE] = elapsed
         mean = f @ self.mean
         mean[AT] = np.clip(mean[AT], -1.0, len(path.motion))
-        dx, dy = path.between(self.mean[AT], mean[AT])
+        dx, dy = path.between(float(self.mean[AT]), float(mean[AT]))
         mean[2:4] += self.mean[4] * np.array([dy, -dx])
         return Fixture(mean, f @ self.covariance @ f.T + _WANDER * max(elapsed, 0.1))
 
@@ -93,10 +94,10 @@ class Fixture:
     def measure(self, reference: int, pose: np.ndarray, noise: np.ndarray, path: Path) -> Fixture:
         """What a registration to `reference` says: pose = displacement along the path + offset."""
         h = np.zeros((3, 5))
-        h[:2, AT] = path.speed(self.mean[AT])
+        h[:2, AT] = path.speed(self.at)
         h[:, OFFSET] = np.eye(3)
         expected = self.mean[OFFSET].copy()
-        expected[:2] += path.between(reference, self.mean[AT])
+        expected[:2] += path.between(reference, self.at)
         s = h @ self.covariance @ h.T + noise
         gain = np.linalg.solve(s, h @ self.covariance).T
         mean = self.mean + gain @ (pose - expected)
@@ -119,8 +120,8 @@ class Fixture:
     def pose(self, reference: int, path: Path) -> tuple[np.ndarray, np.ndarray]:
         """Where a picture would lie on `reference`, with its covariance."""
         expected = self.mean[OFFSET].copy()
-        expected[:2] += path.between(reference, self.mean[AT])
+        expected[:2] += path.between(reference, self.at)
         h = np.zeros((3, 5))
-        h[:2, AT] = path.speed(self.mean[AT])
+        h[:2, AT] = path.speed(self.at)
         h[:, OFFSET] = np.eye(3)
         return expected, h @ self.covariance @ h.T

@@ -135,7 +135,7 @@ def _closed(run: list[ScoredFrame], kind: str) -> list[Deviation]:
         return []
     peak = max(run, key=lambda frame: getattr(frame.residuals, kind))
     height = float(getattr(peak.residuals, kind))
-    if height < 1.0:
+    if height < 1.0 or (kind != "appearance" and len(run) < _FEW):
         return []
     places = [frame.s for frame in run if frame.s is not None]
     step = float(np.median([abs(b - a) for a, b in pairwise(places)])) if len(places) > 1 else 0.0

@@ -129,9 +129,9 @@ def _collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepa
             preparation = (wanted or default_preparation(frame.size)).bind(frame.size)
         check_alike(pixels, frame, "the reference sweep")
         picture = levels(frame.pixels)
-        if is_blind(picture):
-            continue
         smoothed = smooth(picture)
+        if is_blind(smoothed):
+            continue
         if before is not None:
             pose, still = _moved(before, smoothed, pose)
             if still:
@@ -190,7 +190,7 @@ def _moved(
     prior_light = np.diag(1 / np.square([0.2, 20.0, 0.1, 0.1]))
     order = np.argsort(-scan(template, smoothed, guesses, NO_LIGHT))
     tries = [
-        register(template, smoothed, Prior(guesses[i], prior_pose, NO_LIGHT, prior_light), iterations=12)
+        register(template, smoothed, Prior(guesses[i], prior_pose, NO_LIGHT, prior_light), steps=12)
         for i in order[:2]
     ]
     best = max(tries, key=lambda registered: registered.correlation)

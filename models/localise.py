@@ -89,7 +89,9 @@ def _attempt(
     model = template(reference)
     ats = np.append(guess.at + _SCAN, guess.at if halted is None else halted.at)
     poses = np.empty((len(ats), 3))
-    poses[:, :2] = guess.offset[:2] + path.between(reference, np.clip(ats, -1, n))
+    origin = guess.offset[:2] - path.at(reference)
+    for pose, at in zip(poses, ats, strict=True):
+        pose[:2] = path.at(at) + origin
     poses[:, 2] = guess.offset[2]
     light = trail.light if trail.light is not None else _light(model, smoothed, poses[len(_SCAN) // 2])
     agree = scan(model, smoothed, poses, light)

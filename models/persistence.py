@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 PLACES = 5
 """How many places must agree."""
 _TRAVEL = 0.019
 """Places lie this share of the picture's width apart: a standstill adds none."""
-_FEW = np.array([np.inf, 3.0, 2.0, 1.5, 1.2, 1.0], np.float32)
+_FEW = 1 / np.array([np.inf, 3.0, 2.0, 1.5, 1.2, 1.0], np.float32)
 """What has been seen at fewer places must be that much stronger."""
-_UNSEEN = -1.0
+_UNSEEN = np.float32(1e9)
 _GROW = np.ones((3, 3), np.uint8)
 
 
@@ -28,7 +28,7 @@ class Sight:
     grid: Float[np.ndarray, "2"]
     """Displacement of the reference picture that the score is laid on."""
     score: Float[np.ndarray, "rows cols 2"]
-    """Grown by one cell; below 0 where nothing was seen."""
+    """Grown by one cell; beyond all bounds where nothing was seen."""
 
 
 def persist(
@@ -45,7 +45,6 @@ def persist(
     """
     place, point, grid = sight
     agreed = score.copy()
-    agreed[hidden] = _UNSEEN
     grown = cv2.dilate(agreed, _GROW)
     grown[hidden] = _UNSEEN
     rows, cols = hidden.shape
@@ -58,18 +57,25 @@ def persist(
         newest = Sight(point, place, grid, grown)
     count = np.ones((rows, cols), np.int8)
     for other in others:
-        moved = _moved(other.score, (grid - other.grid) / cell)
-        seen = moved[:, :, 0] >= 0
-        count += seen
-        np.minimum(agreed, moved, out=agreed, where=seen[:, :, None])
-    agreed /= _FEW[count][:, :, None]
+        _agree(agreed, count, other.score, (grid - other.grid) / cell)
+    agreed *= _FEW[count][:, :, None]
     agreed[hidden] = 0
     return (*others, newest), agreed
 
 
-def _moved(score: Float[np.ndarray, "rows cols 2"], by: Float[np.ndarray, "2"]) -> Float[np.ndarray, "rows cols 2"]:
-    """The map moved by so many cells, to the nearest; what comes in from outside is not seen."""
-    m = np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]]])
-    size = (score.shape[1], score.shape[0])
-    border = (_UNSEEN, _UNSEEN)
-    return cv2.warpAffine(score, m, size, flags=cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=border)
+def _agree(
+    agreed: Float[np.ndarray, "rows cols 2"],
+    count: Int[np.ndarray, "rows cols"],
+    other: Float[np.ndarray, "rows cols 2"],
+    by: Float[np.ndarray, "2"],
+) -> None:
+    """Lower `agreed` to what another place saw, its map moved by so many cells, to the nearest; and count it."""
+    rows, cols = count.shape
+    dx, dy = round(float(by[0])), round(float(by[1]))
+    if abs(dx) >= cols or abs(dy) >= rows:
+        return
+    here = slice(max(0, dy), rows + min(0, dy)), slice(max(0, dx), cols + min(0, dx))
+    there = slice(max(0, -dy), rows + min(0, -dy)), slice(max(0, -dx), cols + min(0, -dx))
+    moved = other[there]
+    count[here] += moved[:, :, 0] < _UNSEEN
+    np.minimum(agreed[here], moved, out=agreed[here])

@@ -53,8 +53,7 @@ def remember(appearance: Appearance) -> Memory:
 
 def is_blind(picture: np.ndarray) -> bool:
     """Lamp out, lens covered or saturated: nothing to see."""
-    small = cv2.resize(picture, (32, 24), interpolation=cv2.INTER_AREA)
-    return float(small.std()) < _BLIND_SPREAD
+    return float(cv2.meanStdDev(picture)[1].max()) < _BLIND_SPREAD
 
 
 def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -> tuple[Memory, Look | None]:
@@ -62,13 +61,14 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
     picture = levels(frame.pixels)
     elapsed = _elapsed(appearance, memory, frame)
     memory = replace(memory, t_ns=frame.t_ns)
-    if is_blind(picture):
+    smoothed = smooth(picture)
+    if is_blind(smoothed):
         return memory, None
     references = appearance.references
     x = appearance.preparation.prepare(frame.pixels)
     z = appearance.eigenspace.project(x)
     trail, located = locate(
-        memory.trail, appearance.track, appearance.path, lambda i: references.get(i).template, smooth(picture), z, elapsed
+        memory.trail, appearance.track, appearance.path, lambda i: references.get(i).template, smoothed, z, elapsed
     )
     memory = replace(memory, trail=trail)
     distance = appearance.track.misfit(located.reference, z.astype(float))
@@ -79,7 +79,7 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
     threshold = limits.threshold(reference.band.contrast)
     path = appearance.path
     by = shrink_by(appearance.size)
-    grid, point = by * path.between(0, located.reference), by * path.between(0, located.at)
+    grid, point = by * path.at(located.reference), by * path.at(located.at)
     sights, score = persist(
         memory.sights, raw / threshold[:, :, None], hidden, (located.at, point, grid), reference.cell
     )

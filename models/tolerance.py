@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from models.registration import affine
 
@@ -14,8 +14,9 @@ BRIGHT, DARK = 0, 1
 _EDGE = np.ones((5, 5), np.uint8)
 """One golden sweep cannot say how far an edge may move: two pixels either way are allowed."""
 _GROW = np.ones((3, 3), np.uint8)
-_BOX = (5, 5)
 _RIM = 4
+_EVEN = 0.004
+"""Shading too slight to be worth a multiplication: less than half a grey level."""
 
 
 def cell_size(size: tuple[int, int]) -> int:
@@ -26,11 +27,6 @@ def cell_size(size: tuple[int, int]) -> int:
 def levels(pixels: np.ndarray) -> np.ndarray:
     """The picture in grey levels of 0..255: eight bits as they are, sixteen as float32."""
     return pixels if pixels.dtype == np.uint8 else pixels.astype(np.float32) * np.float32(1 / 257)
-
-
-def to_cells(values: np.ndarray, cell: int) -> np.ndarray:
-    """The largest value in each cell; a cell that the picture's edge cuts counts too."""
-    return cv2.dilate(values, np.ones((cell, cell), np.uint8), anchor=(0, 0))[::cell, ::cell]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,59 +42,91 @@ class Band:
     def of(cls, reference: np.ndarray, excess: np.ndarray | None, cell: int) -> Band:
         """Around a reference picture in grey levels; `excess` (2, ...) is what golden sweeps showed beyond it."""
         low, high = cv2.erode(reference, _EDGE), cv2.dilate(reference, _EDGE)
-        spread = to_cells(high, cell).astype(np.float32) + to_cells(np.float32(255) - low, cell) - 255
-        spread = spread if spread.ndim == 2 else spread.max(axis=2)
-        contrast = cv2.blur(cv2.dilate(spread, _GROW), (3, 3))
+        # low and high reach over two pixels: one of them a cell says nearly all
+        middle = slice(cell // 2, None, cell)
+        spread = cv2.subtract(high[middle, middle], low[middle, middle])
+        spread = spread if spread.ndim == 2 else _strongest(spread)
+        contrast = cv2.blur(cv2.dilate(_whole(spread.astype(np.float32), reference.shape, cell), _GROW), (3, 3))
         if excess is not None:
             grown = [cv2.dilate(part, _GROW) for part in excess]
             high, low = cv2.add(high, grown[BRIGHT]), cv2.subtract(low, grown[DARK])
         return cls(low, high, contrast)
 
 
+def _whole(cells: np.ndarray, shape: tuple[int, ...], cell: int) -> np.ndarray:
+    """With the last row and column that a picture's cut cells need."""
+    rows, cols = -(-shape[0] // cell) - cells.shape[0], -(-shape[1] // cell) - cells.shape[1]
+    return cells if not (rows or cols) else cv2.copyMakeBorder(cells, 0, rows, 0, cols, cv2.BORDER_REPLICATE)
+
+
+def _strongest(channels: np.ndarray) -> np.ndarray:
+    """The strongest of three channels, pixel by pixel."""
+    blue, green, red = cv2.split(channels)
+    return cv2.max(cv2.max(blue, green), red)
+
+
 def aligned(picture: np.ndarray, pose: Float[np.ndarray, "3"], light: Float[np.ndarray, "4"]) -> np.ndarray:
-    """The picture laid on its reference and lit like it: float32 grey levels, shape of the picture."""
+    """The picture laid on its reference and lit like it: grey levels, shape and type of the picture."""
     h, w = picture.shape[:2]
-    laid = cv2.warpAffine(
-        picture,
-        affine(pose, (w, h)),
-        (w, h),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE,
-    ).astype(np.float32)
-    gain, offset, across, down = (np.float32(v) for v in light)
-    u = np.linspace(-1, 1, w, dtype=np.float32) * across + gain
-    v = np.linspace(-1, 1, h, dtype=np.float32) * down
-    lamp = np.maximum(u[None, :] + v[:, None], np.float32(0.1))
-    laid -= offset
-    laid /= lamp if laid.ndim == 2 else lamp[:, :, None]
-    return laid
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    laid = cv2.warpAffine(picture, affine(pose, (w, h)), (w, h), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    gain, offset, across, down = (float(v) for v in light)
+    if abs(across) + abs(down) < _EVEN:
+        return _scaled(laid, 1 / max(gain, 0.1), -offset / max(gain, 0.1))
+    u = np.linspace(-across, across, w, dtype=np.float32)
+    v = np.linspace(gain - down, gain + down, h, dtype=np.float32)
+    lamp = cv2.divide(1.0, np.maximum(v[:, None] + u[None, :], np.float32(0.1)))
+    lamp = lamp if laid.ndim == 2 else cv2.merge([lamp, lamp, lamp])
+    return cv2.multiply(_scaled(laid, 1.0, -offset), lamp, dtype=cv2.CV_8U if laid.dtype == np.uint8 else cv2.CV_32F)
+
+
+def _scaled(picture: np.ndarray, by: float, plus: float) -> np.ndarray:
+    if picture.dtype != np.uint8:
+        return picture * np.float32(by) + np.float32(plus)
+    table = np.clip(np.arange(256) * by + plus + 0.5, 0, 255).astype(np.uint8)
+    return cv2.LUT(picture, table)
 
 
 def beyond(band: Band, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far each pixel lies above the band, and how far below: float32 grey levels, never negative."""
-    return cv2.max(cv2.subtract(seen, band.high, dtype=cv2.CV_32F), 0.0), cv2.max(
-        cv2.subtract(band.low, seen, dtype=cv2.CV_32F), 0.0
-    )
+    """How far each pixel lies above the band, and how far below: grey levels, never negative."""
+    bright, dark = cv2.subtract(seen, band.high), cv2.subtract(band.low, seen)
+    if seen.dtype == np.uint8:
+        return bright, dark
+    return np.maximum(bright, 0), np.maximum(dark, 0)
 
 
 def evidence(band: Band, seen: np.ndarray, cell: int) -> Float[np.ndarray, "rows cols 2"]:
-    """Mean excess over a small box, the largest per cell, bright and dark apart, in grey levels."""
-    parts: list[np.ndarray] = []
-    for excess in beyond(band, seen):
-        cells = to_cells(cv2.blur(excess, _BOX), cell)
-        parts.append(cells if cells.ndim == 2 else cells.max(axis=2))
-    return np.dstack(parts)
-
-
-def outside(pose: Float[np.ndarray, "3"], size: tuple[int, int], cell: int) -> np.ndarray:
-    """Cells of the reference picture that the frame does not wholly show: bool (rows, cols)."""
-    w, h = size
-    m = affine(pose, size)
+    """Mean excess over a box of six pixels, the largest per cell, bright and dark apart, in grey levels."""
+    h, w = seen.shape[:2]
     rows, cols = -(-h // cell), -(-w // cell)
-    # the corner of the cell that lies deepest outside decides; rotations are small
-    x0, y0 = np.arange(cols) * cell, np.arange(rows)[:, None] * cell
-    hidden = np.zeros((rows, cols), bool)
-    for x, y in ((x0, y0), (x0 + cell - 1, y0), (x0, y0 + cell - 1), (x0 + cell - 1, y0 + cell - 1)):
-        u, v = m[0, 0] * x + m[0, 1] * y + m[0, 2], m[1, 0] * x + m[1, 1] * y + m[1, 2]
-        hidden |= (u < _RIM) | (u > w - 1 - _RIM) | (v < _RIM) | (v > h - 1 - _RIM)
+    found = np.zeros((rows, cols, 2), np.float32)
+    for polarity, excess in enumerate(beyond(band, seen)):
+        halves = cv2.resize(excess, (w // 2, h // 2), interpolation=cv2.INTER_AREA)
+        halves = halves if halves.ndim == 2 else _strongest(halves)
+        mean = cv2.boxFilter(halves, cv2.CV_32F, (3, 3))
+        half = cell // 2
+        whole = mean[: rows * half, : cols * half]
+        if whole.shape != (rows * half, cols * half):
+            missing = (rows * half - whole.shape[0], cols * half - whole.shape[1])
+            whole = cv2.copyMakeBorder(whole, 0, missing[0], 0, missing[1], cv2.BORDER_REPLICATE)
+        across = np.maximum.reduce([whole[i::half] for i in range(half)])
+        found[:, :, polarity] = np.maximum.reduce([across[:, i::half] for i in range(half)])
+    return found
+
+
+def outside(
+    pose: Float[np.ndarray, "3"], size: tuple[int, int], cell: int
+) -> Bool[np.ndarray, "rows cols"]:
+    """Cells of the reference picture that the frame does not wholly show."""
+    w, h = size
+    rows, cols = -(-h // cell), -(-w // cell)
+    tx, ty, turn = float(pose[0]), float(pose[1]), abs(float(pose[2]))
+    # rotations are small: the edge that turns in decides for its whole length
+    skew_x, skew_y = turn * h / 2 + _RIM, turn * w / 2 + _RIM
+    left, right = (skew_x - tx) / cell, (w - 1 - skew_x - tx) / cell
+    top, bottom = (skew_y - ty) / cell, (h - 1 - skew_y - ty) / cell
+    hidden = np.ones((rows, cols), bool)
+    shown_rows = slice(max(0, int(np.ceil(top))), max(0, min(rows, int(np.floor(bottom)))))
+    shown_cols = slice(max(0, int(np.ceil(left))), max(0, min(cols, int(np.floor(right)))))
+    hidden[shown_rows, shown_cols] = False
     return hidden
