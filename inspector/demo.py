@@ -106,7 +106,7 @@ def run_demo(
     *,
     part: str = "plate",
     seed: int = 1,
-    options: str = "",
+    options: str = "&step=10",
     parts: Sequence[Sample] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Demo:
@@ -115,7 +115,9 @@ def run_demo(
     `options` are given to every sweep: the size of the picture, the step.
     """
     parts, common = samples() if parts is None else parts, f"simulated:?part={part}{options}"
-    folder.mkdir(parents=True)
+    with open_camera(f"{common}&seed={100 * seed}"):
+        # What is not allowed is refused before anything is written.
+        folder.mkdir(parents=True)
     for kind in ("recordings", "results", "filmstrips"):
         (folder / kind).mkdir()
     line = _Line(folder, part, _learn(folder, part, common, seed, lambda share: progress(0.2 * share)))

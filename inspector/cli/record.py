@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import status, warn
+from inspector.cli.terminal import count, duration, status, warn
 
 if TYPE_CHECKING:
     from inspector.recorder import RecordingSummary
@@ -24,8 +24,10 @@ def record(
         str, typer.Option(metavar="URL", help="simulated:?part=board, folder:PATH, opencv:0, opencv:rtsp://...")
     ],
     out: Annotated[Path, typer.Option(metavar="SWEEP.mcap", help="New file for the recording.")],
-    seconds: Annotated[float | None, typer.Option(min=0.001, help="Stop after so many seconds of the sweep.")] = None,
-    frames: Annotated[int | None, typer.Option(min=1, help="Stop after so many frames.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(parser=duration, metavar="N", help="Stop after so many seconds of the sweep.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option(parser=count, metavar="N", help="Stop after so many frames.")] = None,
     product: Annotated[str | None, typer.Option(metavar="ID", help="The kind of part, kept in the recording.")] = None,
     part: Annotated[str | None, typer.Option(metavar="ID", help="The serial number, kept in the recording.")] = None,
 ) -> None:

@@ -4,10 +4,28 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from math import inf
+
+import typer
 
 Progress = Callable[[float], None]
 """Told the share of the work that is done, in [0, 1]."""
+
+
+def count(text: str) -> int:
+    """Reads an option: how many."""
+    if not text.isascii() or not text.isdecimal() or int(text) == 0:
+        raise typer.BadParameter(f"{text!r} is not allowed; allowed is a whole number above 0")
+    return int(text)
+
+
+def duration(text: str) -> float:
+    """Reads an option: how long."""
+    with suppress(ValueError):
+        if 0 < float(text) < inf:
+            return float(text)
+    raise typer.BadParameter(f"{text!r} is not allowed; allowed is a number above 0")
 
 
 def warn(said: str) -> None:

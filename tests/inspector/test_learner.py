@@ -1,0 +1,93 @@
+"""Learning from recordings: deterministic, whole or not at all, and every loss and every culprit named."""
+
+from __future__ import annotations
+
+import resource
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from inspector.errors import NotARecording, OutputExists
+from inspector.files import NotWritten
+from inspector.learner import learn_recordings, load_appearance
+from models.errors import AppearanceError, LearningError, PictureError
+from tests.inspector.conftest import Line
+from tests.inspector.line import cut, recorded
+
+
+def test_what_is_learnt_is_on_the_disk_and_the_same_when_learnt_again(line: Line, tmp_path: Path) -> None:
+    again = learn_recordings([str(path) for path in line.golden], str(tmp_path / "again"))
+    assert load_appearance(line.file).id == line.appearance.id == again.id
+    assert (tmp_path / "again").read_bytes() == line.file.read_bytes()
+    assert line.appearance.size == (160, 120)
+    assert line.appearance.places > 50
+
+
+def test_the_first_recording_is_the_reference(line: Line, tmp_path: Path) -> None:
+    assert learn_recordings(line.golden[::-1], tmp_path / "a").id != line.appearance.id
+
+
+def test_progress_grows_to_one(line: Line, tmp_path: Path) -> None:
+    told: list[float] = []
+    learn_recordings(line.golden, tmp_path / "a", told.append)
+    assert len(told) > 50
+    assert all(a <= b for a, b in pairwise(told))
+    assert told[-1] == 1.0
+
+
+def test_what_exists_is_refused_before_anything_is_read(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"mine")
+    with pytest.raises(OutputExists):
+        learn_recordings([tmp_path / "no.mcap"], tmp_path / "a")
+    with pytest.raises(NotARecording, match=r"no\.mcap"):
+        learn_recordings([tmp_path / "no.mcap"], tmp_path / "b")
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("a", b"mine")]
+
+
+def test_a_full_disk_leaves_nothing(line: Line, tmp_path: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        with pytest.raises(NotWritten, match="File too large"):
+            learn_recordings(line.golden, tmp_path / "a")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_loss_is_told_once_with_its_recording(line: Line, tmp_path: Path) -> None:
+    short, told = cut(line.golden[1], tmp_path / "short.mcap", 0.8), list[str]()
+    learn_recordings([line.golden[0], short], tmp_path / "a", tell=told.append)
+    assert told
+    assert len(set(told)) == len(told)
+    assert all(said.startswith(f"{short}: ") for said in told)
+
+
+def test_nothing_is_told_of_whole_recordings(line: Line, tmp_path: Path) -> None:
+    learn_recordings(line.golden, tmp_path / "a", tell=pytest.fail)
+
+
+def test_a_picture_of_another_size_names_its_recording(line: Line, tmp_path: Path) -> None:
+    other = recorded(tmp_path / "other.mcap", "size=96x72")
+    with pytest.raises(PictureError, match=r"^\S*other\.mcap: .*96x72"):
+        learn_recordings([line.golden[0], other], tmp_path / "a")
+
+
+def test_a_recording_that_teaches_nothing_is_named(line: Line, tmp_path: Path) -> None:
+    one = recorded(tmp_path / "one.mcap", "stop=0")
+    with pytest.raises(LearningError, match=r"one\.mcap: "):
+        learn_recordings([one], tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("damage", ["missing", "foreign", "flipped", "cut", "empty"])
+def test_an_appearance_that_cannot_be_trusted_is_refused_by_name(line: Line, tmp_path: Path, damage: str) -> None:
+    path, data = tmp_path / "a.appearance", bytearray(line.file.read_bytes())
+    data[len(data) // 2] ^= 1
+    content = {"foreign": b"PNG" * 99, "flipped": bytes(data), "cut": line.file.read_bytes()[:-1], "empty": b""}
+    if damage != "missing":
+        path.write_bytes(content[damage])
+    with pytest.raises(AppearanceError, match=r"^\S*a\.appearance: ") as caught:
+        load_appearance(path)
+    assert "\n" not in str(caught.value)
