@@ -36,6 +36,12 @@ class Path:
         fraction = min(max(place - i, 0.0), 1.0)
         return self.points[i] * (1.0 - fraction) + self.points[i + 1] * fraction
 
+    def along(self, places: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m 2"]:
+        """The same for many places."""
+        i = np.clip(places.astype(int), 0, len(self.points) - 2)
+        fraction = np.clip(places - i, 0.0, 1.0)[:, None]
+        return self.points[i] * (1.0 - fraction) + self.points[i + 1] * fraction
+
     def speed(self, at: float) -> Float[np.ndarray, "2"]:
         """Displacement per place about `at`."""
         i = min(max(int(at), 0), len(self.motion) - 2)

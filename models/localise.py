@@ -13,6 +13,14 @@ from models.position import Places, Standing, Track, move, standing, start, vouc
 from models.registration import NO_LIGHT, Prior, Registered, Template, register, scan
 
 _SCAN = np.arange(-2.0, 2.01, 0.25)
+"""Where along the path to look for the frame, in reference frames about the guess."""
+_SURE = 0.4
+"""Standard deviation of the place, in reference frames, up to which registration needs no help."""
+_ASK_EVERY = 2.5
+_APART, _CERTAIN, _INSISTS = 2.0, 4.0, 3
+"""The eigenspace insists when it stands so many places apart, by such a margin, so many times."""
+_GIVE_UP = 8
+"""Frames that agree with nothing, after which the fixture is forgotten."""
 _FITS, _GRAIN = 0.8, 0.7
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
@@ -31,7 +39,9 @@ class Trail:
     misses: int = 0
     """Frames since the picture last agreed with a reference picture."""
     rivalry: int = 0
-    """Frames for which the eigenspace has insisted on another place."""
+    """Times that the eigenspace has insisted on another place."""
+    waited: float = 0.0
+    """Nominal intervals since the eigenspace was asked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,19 +56,11 @@ class Located:
     """Standard deviation of `at`, in reference frames."""
     verified: bool
     """The picture agrees with the reference picture."""
-    margin: float
-    """How much worse the eigenspace finds every other place."""
 
 
 def begin(track: Track) -> Trail:
     """Before the first frame."""
     return Trail(start(track))
-
-
-def _prior(fixture: Fixture, reference: int, path: Path, light: np.ndarray, new: bool) -> Prior:
-    pose, covariance = fixture.pose(reference, path)
-    std = _LIGHT_STD if new else 3 * _LIGHT_WANDER
-    return Prior(pose, np.linalg.inv(covariance + _POSE_FLOOR), light, np.diag(1 / np.square(std)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,39 +77,50 @@ def _light(model: Template, smoothed: np.ndarray, pose: np.ndarray) -> np.ndarra
     return register(model, smoothed, fixed).light
 
 
-def _attempt(
-    guess: Fixture,
-    halted: Fixture | None,
-    path: Path,
-    template: Callable[[int], Template],
-    smoothed: np.ndarray,
-    trail: Trail,
-) -> _Attempt:
-    """Scan along the path about a guess, register there, and filter what was measured."""
-    n = len(path.motion)
-    reference = int(np.clip(round(guess.at), 0, n - 1))
-    model = template(reference)
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What every attempt at one frame needs."""
+
+    path: Path
+    template: Callable[[int], Template]
+    smoothed: np.ndarray
+    trail: Trail
+
+    def light(self, model: Template, pose: np.ndarray) -> np.ndarray:
+        """The light so far; measured, before the frame is placed, where none is known."""
+        return self.trail.light if self.trail.light is not None else _light(model, self.smoothed, pose)
+
+
+def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> _Attempt:
+    """Register at the place that a guess gives, and filter what was measured."""
+    path = scene.path
+    reference = min(max(round(guess.at), 0), len(path.motion) - 1)
+    model = scene.template(reference)
+    pose, covariance = guess.pose(reference, path)
+    light = scene.light(model, pose) if light is None else light
+    std = _LIGHT_STD if scene.trail.light is None else 3 * _LIGHT_WANDER
+    prior = Prior(pose, np.linalg.inv(covariance + _POSE_FLOOR), light, np.diag(1 / np.square(std)))
+    registered = register(model, scene.smoothed, prior)
+    fixture = guess.measure(reference, registered.pose, registered.covariance + _POSE_FLOOR, path)
+    return _Attempt(fixture, reference, registered, _fits(model, registered, scene.trail.residual))
+
+
+def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _Attempt:
+    """Scan along the path about a guess, and where the robot would have halted; attempt where it agrees best."""
+    path = scene.path
+    reference = min(max(round(guess.at), 0), len(path.motion) - 1)
+    model = scene.template(reference)
     ats = np.append(guess.at + _SCAN, guess.at if halted is None else halted.at)
     poses = np.empty((len(ats), 3))
-    origin = guess.offset[:2] - path.at(reference)
-    for pose, at in zip(poses, ats, strict=True):
-        pose[:2] = path.at(at) + origin
+    poses[:, :2] = path.along(ats) + (guess.offset[:2] - path.at(reference))
     poses[:, 2] = guess.offset[2]
-    light = trail.light if trail.light is not None else _light(model, smoothed, poses[len(_SCAN) // 2])
-    agree = scan(model, smoothed, poses, light)
+    light = scene.light(model, poses[len(_SCAN) // 2])
     doubt = 0.04 * np.square((ats - guess.at) / max(guess.uncertainty, 0.3))
     if halted is not None:
         doubt[-1] = 0.04
-    best = int(np.argmax(agree - np.minimum(doubt, 0.5)))
-    start_at = halted if halted is not None and best == len(ats) - 1 else guess
-    start_at = replace(start_at, mean=np.concatenate([[ats[best]], start_at.mean[1:]]))
-    nearest = int(np.clip(round(ats[best]), 0, n - 1))
-    if nearest != reference:
-        reference, model = nearest, template(nearest)
-    prior = _prior(start_at, reference, path, light, trail.light is None)
-    registered = register(model, smoothed, prior)
-    fixture = start_at.measure(reference, registered.pose, registered.covariance + _POSE_FLOOR, path)
-    return _Attempt(fixture, reference, registered, _fits(model, registered, trail.residual))
+    best = int(np.argmax(scan(model, scene.smoothed, poses, light) - np.minimum(doubt, 0.5)))
+    chosen = halted if halted is not None and best == len(ats) - 1 else guess
+    return _attempt(scene, replace(chosen, mean=np.array([ats[best], *chosen.mean[1:]])), light)
 
 
 def _fits(model: Template, registered: Registered, residual: float | None) -> bool:
@@ -137,33 +150,64 @@ def locate(
     z: np.ndarray,
     elapsed: float,
 ) -> tuple[Trail, Located]:
-    """Place one frame, `elapsed` nominal intervals after the one before it."""
-    old = trail.fixture
-    places = move(track, trail.places, z, elapsed, np.zeros(3) if old is None else old.offset)
+    """Place one frame, `elapsed` nominal intervals after the one before it.
+
+    As long as the picture agrees with the one expected, registration carries the place along and the eigenspace is
+    asked every few frames whether it knows better; when it does not agree, everything else is tried: looking about,
+    a robot that halted, and the places that the eigenspace prefers. The picture decides.
+    """
+    old, scene = trail.fixture, _Scene(path, template, smoothed, trail)
+    guess = None if old is None else old.predict(elapsed, path)
+    waited = trail.waited + elapsed
+    sure = old is not None and old.uncertainty < _SURE and not trail.misses
+    attempt = _attempt(scene, guess) if guess is not None and sure else None
+    if attempt is not None and attempt.fits and not _worse(trail, attempt) and waited < _ASK_EVERY:
+        return _placed(trail, path, attempt, guess, replace(trail, waited=waited))
+    places = move(track, trail.places, z, waited, np.zeros(3) if old is None else old.offset)
     best = standing(places)
-    if old is None:
-        attempt = _attempt(Fixture.unknown(best.at, best.pace), None, path, template, smoothed, trail)
-    else:
-        attempt = _attempt(old.predict(elapsed, path), old.halted(), path, template, smoothed, trail)
-    apart = abs(best.at - attempt.fixture.at) > 2.0
-    rivalry = trail.rivalry + 1 if apart and best.margin > 4.0 else 0
-    usual = trail.residual or attempt.registered.residual
-    worse = attempt.registered.residual > max(1.3 * usual, usual + 0.15)
-    if not attempt.fits or worse or rivalry >= 3:
-        for guess in _rivals(trail, best):
-            other = _attempt(guess, None, path, template, smoothed, trail)
-            if other.fits and other.registered.residual < (0.85 if attempt.fits else 1.0) * attempt.registered.residual:
-                attempt, rivalry = other, 0
-    r = attempt.registered
-    fixture, light, misses, residual = attempt.fixture.settled(path), trail.light, 0, trail.residual
+    if old is None or guess is None:
+        attempt = _search(scene, Fixture.unknown(best.at, best.pace))
+    elif attempt is None or not attempt.fits or _worse(trail, attempt):
+        attempt = _better(attempt, _search(scene, guess, old.halted()))
+    apart = abs(best.at - attempt.fixture.at) > _APART and best.margin > _CERTAIN
+    rivalry = trail.rivalry + 1 if apart else 0
+    if not attempt.fits or _worse(trail, attempt) or rivalry >= _INSISTS:
+        for rival in _rivals(trail, best):
+            other = _better(attempt, _search(scene, rival))
+            attempt, rivalry = other, rivalry if other is attempt else 0
     if attempt.fits:
-        places = vouch(places, fixture.at, 2.0)
-        residual = r.residual if residual is None else residual + 0.2 * (r.residual - residual)
-        light = r.light if light is None else light + 0.3 * (r.light - light)
+        places = vouch(places, attempt.fixture.at, 2.0)
+    return _placed(trail, path, attempt, guess, replace(trail, places=places, waited=0.0, rivalry=rivalry))
+
+
+def _worse(trail: Trail, attempt: _Attempt) -> bool:
+    """Whether more is left unexplained than usual: perhaps the picture fits better elsewhere."""
+    usual = trail.residual or attempt.registered.residual
+    return attempt.registered.residual > max(1.3 * usual, usual + 0.15)
+
+
+def _better(one: _Attempt | None, other: _Attempt) -> _Attempt:
+    """The first unless the other fits and leaves clearly less unexplained."""
+    if one is None:
+        return other
+    needed = 0.85 if one.fits else 1.0
+    return other if other.fits and other.registered.residual < needed * one.registered.residual else one
+
+
+def _placed(
+    trail: Trail, path: Path, attempt: _Attempt, guess: Fixture | None, asked: Trail
+) -> tuple[Trail, Located]:
+    """Carry on from an attempt, or by dead reckoning (`guess`) where it does not fit."""
+    r = attempt.registered
+    if attempt.fits:
+        usual = r.residual if trail.residual is None else trail.residual + 0.2 * (r.residual - trail.residual)
+        light = r.light if trail.light is None else trail.light + 0.3 * (r.light - trail.light)
+        fixture = attempt.fixture.settled(path)
+        carried = replace(asked, fixture=fixture, light=light, residual=usual, misses=0)
     else:
         misses = trail.misses + 1
-        fixture = None if old is None or misses > 8 else old.predict(elapsed, path)
-    standing_at = attempt.fixture if fixture is None else fixture
-    at = float(np.clip(standing_at.seen(path), 0, len(path.motion) - 1))
-    located = Located(at, attempt.reference, r, standing_at.uncertainty, attempt.fits, best.margin)
-    return Trail(places, fixture, light, residual, misses, rivalry), located
+        fixture = None if misses > _GIVE_UP else guess
+        carried = replace(asked, fixture=fixture, misses=misses)
+    stands = fixture or attempt.fixture
+    at = min(max(stands.seen(path), 0.0), len(path.motion) - 1.0)
+    return carried, Located(at, attempt.reference, r, stands.uncertainty, attempt.fits)

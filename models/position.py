@@ -13,6 +13,8 @@ _LOST = 24.0
 """Cost of a jump to anywhere: what a chain may be worse than a fresh start."""
 _CAP = 16.0
 """What one frame may say against a place: one picture with a defect in it moves nobody."""
+_NEAR, _AWAY, _LOOK_UP = 40, 12.0, 8
+"""Only places this near the best one are in the running while all others are this much worse; for so many frames."""
 _SPREAD = np.array([5.0, 5.0, 0.012, 0.15, 0.15])
 """How far the picture may be shifted (pixels), turned (radians) and shaded (share) at a place."""
 _MISFIT_PX = 0.3
@@ -40,6 +42,8 @@ class Track:
         gram += (sigma2[:, None] / _SPREAD**2)[:, :, None] * np.eye(j)
         derived = dict(
             _sigma2=sigma2,
+            _scale=k * sigma2,
+            _log=np.log(sigma2),
             _square=np.einsum("nk,nk->n", self.z, self.z),
             _flat=self.slope.reshape(n * j, k),
             _offset=np.einsum("njk,nk->nj", self.slope, self.z),
@@ -56,18 +60,18 @@ class Track:
         left = max(float(away @ away - slopes @ self._solve[place] @ slopes), 0.0)
         return float(np.sqrt(left / (len(z) * self._sigma2[place])))
 
-    def looks(self, z: Float[np.ndarray, "k"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 5"]]:
-        """Cost of seeing z at every place, and the shift, turn and shading that explain it best."""
-        away = z @ z - 2 * (self.z @ z) + self._square
-        slopes = (self._flat @ z).reshape(self._offset.shape) - self._offset
-        fit = np.einsum("nij,nj->ni", self._solve, slopes)
+    def looks(self, z: Float[np.ndarray, "k"], near: slice) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m 5"]]:
+        """Cost of seeing z at each place of `near`, and the shift, turn and shading that explain it best."""
+        away = z @ z - 2 * (self.z[near] @ z) + self._square[near]
+        offset = self._offset[near]
+        j = offset.shape[1]
+        slopes = (self._flat[near.start * j : near.stop * j] @ z).reshape(offset.shape) - offset
+        fit = np.matmul(self._solve[near], slopes[:, :, None])[:, :, 0]
         left = np.maximum(away - np.einsum("nj,nj->n", slopes, fit), 0)
-        k = self.z.shape[1]
-        per_coordinate = left / (k * self._sigma2)
+        per_coordinate = left / self._scale[near]
         # a heavy tail: beyond twice the noise a look is a defect or another place, not ever more unlikely
         misfit = np.where(per_coordinate < 4, per_coordinate, 4 + 4 * np.log(np.maximum(per_coordinate, 4) / 4))
-        cost = 0.5 * _DIMENSIONS * (misfit + np.log(self._sigma2))
-        return np.minimum(cost - cost.min(), _CAP), fit
+        return 0.5 * _DIMENSIONS * (misfit + self._log[near]), fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,8 @@ class Places:
     """Where, in reference frames, the hypothesis of each place stands: its index and a fraction."""
     pace: Float[np.ndarray, "n"]
     """Reference frames per nominal frame interval, along the path of each hypothesis."""
+    unseen: int = 0
+    """Frames since all places were looked at."""
 
 
 @dataclass(frozen=True)
@@ -105,13 +111,19 @@ def start(track: Track) -> Places:
 def move(
     track: Track, places: Places, z: Float[np.ndarray, "k"], elapsed: float, fixture: Float[np.ndarray, "3"]
 ) -> Places:
-    """One frame further: `elapsed` nominal frame intervals after the one before."""
-    n = len(track.z)
-    look, fit = track.looks(z.astype(float))
-    fraction = np.einsum("nj,nj->n", fit[:, :2] - fixture[:2], track.motion) / track._length
-    at = np.arange(n) + np.clip(fraction, -0.6, 0.6)
+    """One frame further: `elapsed` nominal frame intervals after the one before.
 
-    origin = np.arange(n)[:, None] - _STEPS[None, :]
+    Where only places about the best one are in the running, only they are looked at, and the others every few frames:
+    the cost of a frame does not grow with the sweep.
+    """
+    n = len(track.z)
+    near = _running(places)
+    look, fit = track.looks(z.astype(float), near)
+    fraction = np.einsum("nj,nj->n", fit[:, :2] - fixture[:2], track.motion[near]) / track._length[near]
+    index = np.arange(near.start, near.stop)
+    at = index + np.clip(fraction, -0.6, 0.6)
+
+    origin = index[:, None] - _STEPS[None, :]
     inside = (origin >= 0) & (origin < n)
     origin = np.clip(origin, 0, n - 1)
     expected = np.maximum(places.pace[origin], 0.3) * elapsed
@@ -122,15 +134,30 @@ def move(
     cost = places.cost[origin] + np.minimum(pace_cost, still) + np.where(travel < -0.75, 6.0, 0.0)
     cost[~inside] = np.inf
     best = cost.argmin(axis=1)
-    rows = np.arange(n)
+    rows = np.arange(len(index))
     chain, origin, step = cost[rows, best], origin[rows, best], travel[rows, best]
     floor = float(places.cost.min()) + _LOST
     fresh = chain > floor
     old = places.pace[origin]
     moving = step > 0.3 * old * elapsed
     pace = np.where(moving, old + 0.2 * (np.clip(step / elapsed, 0.2, 3.0) - old), old)
-    total = np.where(fresh, floor, chain) + look
-    return Places(total - total.min(), at, np.where(fresh, 1.0, pace))
+    total = np.where(fresh, floor, chain) + np.minimum(look - look.min(), _CAP)
+    if near.stop - near.start == n:
+        return Places(total - total.min(), at, np.where(fresh, 1.0, pace), 0)
+    costs, ats, paces = np.full(n, floor + _CAP), places.at.copy(), np.ones(n)
+    costs[near], ats[near], paces[near] = total, at, np.where(fresh, 1.0, pace)
+    return Places(costs - costs.min(), ats, paces, places.unseen + 1)
+
+
+def _running(places: Places) -> slice:
+    """The places that a frame is compared with."""
+    n = len(places.cost)
+    best = int(places.cost.argmin())
+    near = slice(max(0, best - _NEAR), min(n, best + _NEAR))
+    rest = min(places.cost[: near.start].min(initial=np.inf), places.cost[near.stop :].min(initial=np.inf))
+    if n <= 3 * _NEAR or rest < _AWAY or places.unseen >= _LOOK_UP:
+        return slice(0, n)
+    return near
 
 
 def standing(places: Places) -> Standing:

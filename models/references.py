@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -26,15 +26,10 @@ class Reference:
     excess: np.ndarray | None
     cell: int
 
-    @property
+    @cached_property
     def band(self) -> Band:
         """What this place may look like."""
-        return _band(self)
-
-
-@lru_cache(maxsize=4)
-def _band(reference: Reference) -> Band:
-    return Band.of(reference.picture, reference.excess, reference.cell)
+        return Band.of(self.picture, self.excess, self.cell)
 
 
 class References:
@@ -49,8 +44,8 @@ class References:
         self.size = (first.shape[1], first.shape[0])
         self.colour = first.ndim == 3
         self.cell = cell_size(self.size)
-        each = first.nbytes * 6 + self._points.shape[1] * 4 * 20
-        self.get = lru_cache(maxsize=max(4, min(64, _HELD_BYTES // each)))(self._get)
+        each = first.nbytes * (3 + 2 * any(excess)) + self._points.shape[1] * 48
+        self.get = lru_cache(maxsize=max(4, _HELD_BYTES // each))(self._get)
 
     def _decoded(self, index: int) -> np.ndarray:
         picture = cv2.imdecode(np.frombuffer(self._pictures[index], np.uint8), cv2.IMREAD_UNCHANGED)

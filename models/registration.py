@@ -17,7 +17,7 @@ WIDE = 320
 """Registration works on pictures about this wide, whatever the camera's are."""
 _CELLS = 800
 _STEPS = 5
-_SETTLED = 0.05
+_SETTLED = 0.08
 """Pixels: a step smaller than this ends the iteration."""
 _BOUND = 2.5
 """Robust weights fall off from here, in standard deviations."""
