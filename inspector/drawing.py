@@ -38,12 +38,16 @@ class View:
         return cls((width, max(1, round(scale * picture.shape[0]))), scale)
 
     def about(self, x: float, y: float, extent: float) -> View:
-        """The same tile, filled by what lies about (x, y) as far as `extent`; never reduced further than this view."""
+        """Of a view of the whole: what lies about (x, y), as far as `extent`, on the same tile; within the picture."""
         scale = max(self.scale, self.size[1] / extent)
-        return View(self.size, scale, (x - self.size[0] / 2 / scale, y - self.size[1] / 2 / scale))
+        shown, room = ([side / each for side in self.size] for each in (scale, self.scale))
+        left, top = (
+            min(max(at - part / 2, 0.0), all_ - part) for at, part, all_ in zip((x, y), shown, room, strict=True)
+        )
+        return View(self.size, scale, (left, top))
 
     def picture(self, picture: np.ndarray) -> np.ndarray:
-        """The tile, of the same kind of pixels; beyond the picture its rim goes on."""
+        """The tile, of the same kind of pixels."""
         if self.scale < 1 and self.corner == (0.0, 0.0):
             return cv2.resize(picture, self.size, interpolation=cv2.INTER_AREA)
         # The centre of pixel 0 is at 0.5 of its own width.
@@ -133,9 +137,8 @@ class Chart:
         paper = blank(self.width, self.height)
         for start, end in stretches:
             cv2.rectangle(paper, self.at(start, self.top), self.at(end, 0), (215, 215, 250), cv2.FILLED)
-        for score, name in ((0.0, ""), (1.0, "threshold")):
-            cv2.line(paper, self.at(0, score), self.at(1, score), RULE if score == 0 else FAINT, 1)
-            write(paper, name, (4, self.at(0, score)[1] - 4), FAINT, 0.4)
+        for score, colour in ((0.0, RULE), (1.0, FAINT)):
+            cv2.line(paper, self.at(0, score), self.at(1, score), colour, 1)
         cv2.line(paper, self.at(peak, self.top), self.at(peak, 0), BRIGHT, 1)
         for before, now in pairwise(line):
             if before is not None and now is not None:

@@ -167,10 +167,10 @@ def _footer(result: Result, deviation: Deviation, width: int, full: float) -> np
     top = 1.1 * max([1.3, *(point[1] for point in scores if point)])
     peak = next((f.s for f in result.frames if f.index == deviation.peak_index and f.s is not None), deviation.s_start)
     stretches = [(d.s_start, d.s_end) for d in result.deviations]
-    chart = drawing.Chart(width - GUTTER - TILE - 5 * GAP, CHART - 12, top).draw(scores, stretches, peak)
-    footer[8 : 8 + chart.shape[0], GUTTER : GUTTER + chart.shape[1]] = chart
-    drawing.write(footer, "score", (8, 24))
-    drawing.write(footer, "along s", (8, 42), drawing.FAINT)
+    chart = drawing.Chart(width - GUTTER - TILE - 5 * GAP, CHART - 12, top)
+    footer[8:-4, GUTTER : GUTTER + chart.width] = chart.draw(scores, stretches, peak)
+    drawing.write(footer, "score by s", (8, 20))
+    drawing.write(footer, "limit 1.0", (GUTTER - 62, 12 + chart.at(0, 1.0)[1]), drawing.FAINT, 0.4)
     bar = drawing.scale_bar(TILE, full)
     footer[40:80, width - TILE - GAP : width - GAP] = bar
     drawing.write(footer, "difference, grey levels", (width - TILE - GAP, 32))

@@ -10,13 +10,18 @@ WORDS = {"bright": "too bright", "dark": "too dark"}
 
 
 def sentences(result: Result) -> Iterator[str]:
-    """Reasons, coverage, and every deviation with its place."""
-    yield from result.reasons
-    dropped = f", {result.frames_dropped} dropped" if result.frames_dropped else ""
-    yield f"coverage {100 * result.coverage:.1f} %, {result.frames_scored} frames scored{dropped}"
+    """Every deviation with its place, further reasons, coverage, digest."""
     for number, deviation in enumerate(result.deviations, start=1):
         yield f"deviation {number}: {deviation_sentence(deviation)}"
+    yield from (reason for reason in result.reasons if not any(_tells(reason, each) for each in result.deviations))
+    dropped = f", {result.frames_dropped} dropped" if result.frames_dropped else ""
+    yield f"coverage {100 * result.coverage:.1f} %, {result.frames_scored} frames scored{dropped}"
     yield f"digest {result.digest}"
+
+
+def _tells(reason: str, deviation: Deviation) -> bool:
+    """Whether a reason is but the deviation once more; what is not surely so is said twice rather than not at all."""
+    return reason.startswith(f"{deviation.kind} ") and reason.endswith(f" frame {deviation.peak_index}")
 
 
 def deviation_sentence(deviation: Deviation) -> str:

@@ -40,6 +40,7 @@ def replay(
     Example: inspector replay part-0042.mcap --appearance board.appearance --json part-0042.json
     """
     from inspector.files import refuse_taken  # noqa: PLC0415
+    from inspector.filmstrip import refuse_strips  # noqa: PLC0415
     from inspector.learner import load_appearance  # noqa: PLC0415
     from inspector.policies import read_policy  # noqa: PLC0415
     from inspector.recording import SweepReader  # noqa: PLC0415
@@ -49,13 +50,15 @@ def replay(
     for out in (json, mcap):
         if out is not None:
             refuse_taken(out)
+    if filmstrip is not None:
+        refuse_strips(filmstrip, sweep.stem)
     recording, learnt = SweepReader(sweep, topic=topic), load_appearance(appearance)
     replayed = _replayed(recording, learnt, read_policy(policy) if policy else Policy(), mcap)
     if json is not None:
         write_result(json, result_record(replayed.result, replayed.facts, is_simulated=True))
     _print(replayed, sweep)
     if filmstrip is not None:
-        _write_filmstrips(filmstrip, recording, learnt, replayed)
+        _write_filmstrips(filmstrip, recording, learnt, replayed, sweep.stem)
     if fail_on_ng and replayed.result.verdict is not Judgement.OK:
         raise typer.Exit(NOT_OK)
 
@@ -91,8 +94,10 @@ def _print(replayed: Replayed, sweep: Path) -> None:
         print(f"  {line}")
 
 
-def _write_filmstrips(folder: Path, recording: SweepReader, appearance: Appearance, replayed: Replayed) -> None:
+def _write_filmstrips(
+    folder: Path, recording: SweepReader, appearance: Appearance, replayed: Replayed, name: str
+) -> None:
     from inspector.filmstrip import write_filmstrips  # noqa: PLC0415
 
-    for path in write_filmstrips(folder, recording, appearance, replayed.result, recording.path.stem):
+    for path in write_filmstrips(folder, recording, appearance, replayed.result, name):
         print(f"  {path}")
