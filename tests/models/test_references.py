@@ -56,7 +56,7 @@ def test_more_pictures_than_are_held_are_read_again():
     plain = np.full((1500, 2000), 90, np.uint8)
     plain[400:900, 300:700] = 200
     count = 30
-    references = References((png(plain),) * count, np.tile(choose_points(plain), (count, 1)), (b"",) * count)
+    references = References((png(plain),) * count, np.tile(choose_points(smooth(plain)), (count, 1)), (b"",) * count)
     first = references.get(0).picture.copy()
     for i in range(count):
         references.get(i)
