@@ -23,7 +23,7 @@ _UNSURE = 1.5
 """Standard deviation of the place, in reference frames, from which on it is not known."""
 _OFFSET_LIMIT = 0.08
 """Share of the picture's width by which a part may lie off: beyond, the fixture or the camera has moved."""
-_OFF_CURVE = 8.0
+_OFF_CURVE = 40.0
 """Distance from the manifold, in standard deviations of a good part, at the limit of the position residual."""
 _PACE_LIMIT = 3.0
 """Times the reference pace at the limit of the timing residual."""

@@ -26,6 +26,8 @@ _THUMB = 80
 _STILL = 0.005
 """Share of the width by which a frame must have moved to be a place of its own."""
 _MARGIN = 1.25
+_UNEVEN = 0.25
+"""Median deviation of the travel per frame, as a share of it, up to which travel measures the way."""
 _SENSOR = 0.5
 """Noise of a thumbnail pixel in grey levels: what averaging leaves of a usual sensor's."""
 
@@ -61,7 +63,7 @@ def learn(
     facts = SweepFacts.of_stamps(collected.times, collected.sequences)
     space = fit_eigenspace(collected.x, k=min(K, len(collected.x) - 1))
     z = np.stack([space.project(x) for x in collected.x])
-    s = np.array(collected.frames) / max(facts.frames - 1, 1)
+    s = _coordinates(collected)
     first = float(np.linalg.norm(cv2.imdecode(np.frombuffer(collected.pictures[0], np.uint8), cv2.IMREAD_GRAYSCALE)))
     pixels = collected.x[0].size
     appearance = Appearance(
@@ -105,6 +107,23 @@ def _ticker(
                 progress(min(done / expected, 1.0))
 
     return tick
+
+
+def _coordinates(collected: _Collected) -> np.ndarray:
+    """Sweep coordinate of each place: the share of the way, or of the time where the way cannot be told.
+
+    Frames of a steady camera lie evenly in both, but the way does not mind an uneven pace. What moves in the picture
+    measures the way only where it moves by about as much from frame to frame; else s is the share of frames.
+    """
+    frames = np.array(collected.frames, float)
+    frames = (frames - frames[0]) / (frames[-1] - frames[0])
+    way = np.hypot(*np.array(collected.motion).T)
+    pace = way / np.diff(collected.frames)
+    usual = float(np.median(pace))
+    uneven = float(np.median(np.abs(pace - usual)))
+    if usual <= 0 or uneven > _UNEVEN * usual or way.min() <= 0:
+        return frames
+    return np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
 
 
 def _noise(collected: _Collected, preparation: Preparation, pixels: int, norm: float) -> float:

@@ -17,12 +17,12 @@ class Limits:
     sweeps raise that by `factor` where they themselves went beyond it.
 
     >>> Limits().threshold(np.array([[0.0, 100.0]]))
-    array([[ 4., 14.]])
+    array([[ 5., 17.]])
     """
 
-    floor: float = 4.0
+    floor: float = 5.0
     """Grey levels."""
-    share: float = 0.1
+    share: float = 0.12
     """Of the local contrast."""
     factor: float = 1.0
     """From golden sweeps beyond the first: what they reached, with a margin, never below 1."""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from models.fixture import Fixture, Path
 from models.position import Places, Standing, Track, move, standing, start, vouch
-from models.registration import NO_LIGHT, Prior, Registered, Template, register, scan
+from models.registration import NO_LIGHT, STEPS, STEPS_FAR, Prior, Registered, Template, register, scan
 
 _SCAN = np.arange(-2.0, 2.01, 0.25)
 """Where along the path to look for the frame, in reference frames about the guess."""
@@ -100,7 +100,8 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
     light = scene.light(model, pose) if light is None else light
     std = _LIGHT_STD if scene.trail.light is None else 3 * _LIGHT_WANDER
     prior = Prior(pose, np.linalg.inv(covariance + _POSE_FLOOR), light, np.diag(1 / np.square(std)))
-    registered = register(model, scene.smoothed, prior)
+    far = scene.trail.fixture is None or guess.uncertainty > _SURE
+    registered = register(model, scene.smoothed, prior, STEPS_FAR if far else STEPS)
     fixture = guess.measure(reference, registered.pose, registered.covariance + _POSE_FLOOR, path)
     return _Attempt(fixture, reference, registered, _fits(model, registered, scene.trail.residual))
 

@@ -16,7 +16,8 @@ NO_LIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 WIDE = 320
 """Registration works on pictures about this wide, whatever the camera's are."""
 _CELLS = 800
-_STEPS = 5
+STEPS, STEPS_FAR = 5, 15
+"""Of the iteration at the most: close to a good guess, and without one."""
 _SETTLED = 0.08
 """Pixels: a step smaller than this ends the iteration."""
 _BOUND = 2.5
@@ -165,7 +166,7 @@ def _scale(residual: np.ndarray) -> float:
     return max(1.4826 * float(middle), 0.5)
 
 
-def register(template: Template, frame: np.ndarray, prior: Prior, steps: int = _STEPS) -> Registered:
+def register(template: Template, frame: np.ndarray, prior: Prior, steps: int = STEPS) -> Registered:
     """Inverse compositional alignment (Baker and Matthews, IJCV 2004) with a prior in its normal equations.
 
     `frame` is a picture made by `smooth`. Directions without texture fall back on the prior; robust weights

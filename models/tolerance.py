@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -13,6 +14,19 @@ from models.registration import affine
 BRIGHT, DARK = 0, 1
 _EDGE = np.ones((5, 5), np.uint8)
 """One golden sweep cannot say how far an edge may move: two pixels either way are allowed."""
+_FAR = np.ones((9, 9), np.uint8)
+"""Nobody calls an edge that strays by more than four pixels the same edge."""
+_LINE = 9
+"""Pixels: a stretch of edge this long that strays as a whole is the part's own spread, not a notch."""
+_LINES = (
+    np.ones((1, _LINE), np.uint8),
+    np.ones((_LINE, 1), np.uint8),
+    np.eye(7, dtype=np.uint8),
+    np.eye(7, dtype=np.uint8)[::-1].copy(),
+)
+_THICK = np.ones((4, 4), np.uint8)
+_SLIGHT = 8
+"""Grey levels of excess not worth forgiving."""
 _GROW = np.ones((3, 3), np.uint8)
 _RIM = 4
 _EVEN = 0.004
@@ -33,6 +47,7 @@ def levels(pixels: np.ndarray) -> np.ndarray:
 class Band:
     """What a place may look like, in grey levels: dark end, bright end, and the local contrast between them."""
 
+    reference: np.ndarray
     low: np.ndarray
     high: np.ndarray
     contrast: Float[np.ndarray, "rows cols"]
@@ -50,7 +65,7 @@ class Band:
         if excess is not None:
             grown = [cv2.dilate(part, _GROW) for part in excess]
             high, low = cv2.add(high, grown[BRIGHT]), cv2.subtract(low, grown[DARK])
-        return cls(low, high, contrast)
+        return cls(reference, low, high, contrast)
 
 
 def _whole(cells: np.ndarray, shape: tuple[int, ...], cell: int) -> np.ndarray:
@@ -90,9 +105,34 @@ def _scaled(picture: np.ndarray, by: float, plus: float) -> np.ndarray:
 def beyond(band: Band, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far each pixel lies above the band, and how far below: grey levels, never negative."""
     bright, dark = cv2.subtract(seen, band.high), cv2.subtract(band.low, seen)
-    if seen.dtype == np.uint8:
-        return bright, dark
-    return np.maximum(bright, 0), np.maximum(dark, 0)
+    if seen.dtype != np.uint8:
+        bright, dark = np.maximum(bright, 0), np.maximum(dark, 0)
+    return (
+        _forgiven(bright, lambda box: cv2.subtract(seen[box], cv2.dilate(band.reference, _FAR)[box])),
+        _forgiven(dark, lambda box: cv2.subtract(cv2.erode(band.reference, _FAR)[box], seen[box])),
+    )
+
+
+def _forgiven(excess: np.ndarray, far: Callable[[tuple[slice, slice]], np.ndarray]) -> np.ndarray:
+    """Excess without edges that stray: thin, long and close beside an edge, as etching and wear move them.
+
+    `far` gives what lies beyond even a wide band. What is thick, short, or away from edges stays; that is where
+    notches, spurs, spots and scratches are.
+    """
+    marked = (excess if excess.ndim == 2 else _strongest(excess)) >= _SLIGHT
+    x, y, w, h = cv2.boundingRect(marked.view(np.uint8))
+    if w < _LINE and h < _LINE:
+        return excess
+    rim = _LINE
+    box = slice(max(0, y - rim), y + h + rim), slice(max(0, x - rim), x + w + rim)
+    part = excess[box]
+    lines = cv2.morphologyEx(part, cv2.MORPH_OPEN, _LINES[0])
+    for line in _LINES[1:]:
+        lines = cv2.max(lines, cv2.morphologyEx(part, cv2.MORPH_OPEN, line))
+    thick = cv2.morphologyEx(part, cv2.MORPH_OPEN, _THICK)
+    forgiven = excess.copy()
+    forgiven[box] = cv2.max(cv2.max(cv2.subtract(part, lines), thick), cv2.min(part, far(box)))
+    return forgiven
 
 
 def evidence(band: Band, seen: np.ndarray, cell: int) -> Float[np.ndarray, "rows cols 2"]:
