@@ -11,6 +11,7 @@ from inspector.errors import RecordingStopped
 from inspector.files import NotWritten, arriving
 from inspector.recording import ScoredWriter, SweepReader, SweepWriter
 from models.appearance import Appearance
+from models.errors import NumericError
 from models.frame import Frame
 from models.inspection import begin, conclude, step
 from models.verdict import Policy, Result, ScoredFrame
@@ -49,7 +50,7 @@ def replay(
 ) -> Replayed:
     """Inspect a recording; `scored_recording` names a new file for the frames with what was said of each.
 
-    Raises RecordingError, PictureError, OutputExists, NotWritten.
+    Raises RecordingError, OutputExists, NotWritten, and PictureError, which names the recording.
     """
     with ExitStack() as stack:
         write = stack.enter_context(_scored(scored_recording, recording)) if scored_recording else None
@@ -59,7 +60,10 @@ def replay(
             for each in heard:
                 each(frame, scored)
 
-        result = inspect(recording, appearance, policy, tell)
+        try:
+            result = inspect(recording, appearance, policy, tell)
+        except NumericError as error:
+            raise type(error)(f"{recording.path}: {error}") from error
     return Replayed(result, recording.facts, recording.losses)
 
 

@@ -25,5 +25,6 @@ def learn(
     with progress("learning") as share:
         appearance = learn_recordings(golden, out, share, topic=topic, tell=warn)
     width, height = appearance.size
-    print(f"{out}: {appearance.places} places of {width}x{height} pixels, from {len(golden)} golden sweeps")
+    sweeps = "one golden sweep" if len(golden) == 1 else f"{len(golden)} golden sweeps"
+    print(f"{out}: {appearance.places} places of {width}x{height} pixels, from {sweeps}")
     print(appearance.id)

@@ -89,7 +89,7 @@ def test_a_replay_that_fails_leaves_no_scored_recording(line: Line, tmp_path: Pa
     with SweepWriter(tmp_path / "a.mcap") as writer:
         writer.write(next(iter(SweepReader(line.good))))
         writer.write(encoded_frame(90))
-    with pytest.raises(PictureError, match="16x12"):
+    with pytest.raises(PictureError, match=r"^\S*a\.mcap: .*16x12"):
         replay(SweepReader(tmp_path / "a.mcap"), line.appearance, scored_recording=tmp_path / "b.mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
 
