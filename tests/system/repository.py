@@ -15,12 +15,13 @@ PACKAGES = ("models", "inspector", "api")
 
 @cache
 def texts() -> dict[str, str]:
-    """Every text file that git keeps, or would keep, by its path; without git, every one that is not hidden."""
+    """Every text file that git keeps, or would keep, by its path; without git, those where there should be some."""
     command = ["git", "-C", str(ROOT), "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     try:
         listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
     except (OSError, subprocess.CalledProcessError):
-        listed = [str(path.relative_to(ROOT)) for path in ROOT.rglob("*") if "/." not in f"/{path.relative_to(ROOT)}"]
+        found = [*ROOT.glob("*"), *(path for folder in (*PACKAGES, "tests") for path in (ROOT / folder).rglob("*"))]
+        listed = [str(path.relative_to(ROOT)) for path in found]
     return {name: text for name in listed if name and (text := _text(ROOT / name)) is not None}
 
 
