@@ -25,7 +25,7 @@ for command in (record, learn, replay, demo):
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version  # noqa: PLC0415
+        from importlib.metadata import version
 
         print(version("sweep-inspector"))
         raise typer.Exit

@@ -27,8 +27,8 @@ def demo(
 
     Example: inspector demo --part board --data demo-board
     """
-    from inspector.demo import run_demo  # noqa: PLC0415
-    from inspector.errors import OutputExists  # noqa: PLC0415
+    from inspector.demo import run_demo
+    from inspector.errors import OutputExists
 
     folder = data or free_name(Path("inspector-demo"))
     if folder.exists():
@@ -50,8 +50,8 @@ def free_name(wanted: Path) -> Path:
 
 
 def _print(shown: Demo) -> None:
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
+    from rich.console import Console
+    from rich.table import Table
 
     console = Console()
     if not console.is_terminal:

@@ -20,7 +20,7 @@ def learn(
 
     Example: inspector learn golden-1.mcap golden-2.mcap --out board.appearance
     """
-    from inspector.learner import learn_recordings  # noqa: PLC0415
+    from inspector.learner import learn_recordings
 
     with progress("learning") as share:
         appearance = learn_recordings(golden, out, share, topic=topic, tell=warn)

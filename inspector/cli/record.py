@@ -35,8 +35,8 @@ def record(
 
     Example: inspector record --camera "simulated:?part=board" --out golden.mcap --product board
     """
-    from inspector.cameras import open_camera  # noqa: PLC0415
-    from inspector.recorder import record as record_sweep  # noqa: PLC0415
+    from inspector.cameras import open_camera
+    from inspector.recorder import record as record_sweep
 
     with open_camera(camera) as source, _stopped_by_signals() as stop, status("recording") as say:
         summary = record_sweep(
@@ -54,7 +54,7 @@ def waits(camera: str) -> bool:
     >>> waits("folder:shots"), waits("simulated:?realtime=1"), waits("opencv:0")
     (True, False, False)
     """
-    from inspector.cameras.base import split_url  # noqa: PLC0415
+    from inspector.cameras.base import split_url
 
     scheme, place, query = split_url(camera)
     if scheme == "simulated":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import Progress, progress, warn
+from inspector.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
     from inspector.recording import SweepReader
@@ -39,13 +39,13 @@ def replay(
 
     Example: inspector replay part-0042.mcap --appearance board.appearance --json part-0042.json
     """
-    from inspector.files import refuse_taken  # noqa: PLC0415
-    from inspector.filmstrip import refuse_strips  # noqa: PLC0415
-    from inspector.learner import load_appearance  # noqa: PLC0415
-    from inspector.policies import read_policy  # noqa: PLC0415
-    from inspector.recording import SweepReader  # noqa: PLC0415
-    from inspector.result_json import result_record, write_result  # noqa: PLC0415
-    from models.verdict import Judgement, Policy  # noqa: PLC0415
+    from inspector.files import refuse_taken
+    from inspector.filmstrip import refuse_strips
+    from inspector.learner import load_appearance
+    from inspector.policies import read_policy
+    from inspector.recording import SweepReader
+    from inspector.result_json import result_record, write_result
+    from models.verdict import Judgement, Policy
 
     for out in (json, mcap):
         if out is not None:
@@ -65,27 +65,23 @@ def replay(
 
 def _replayed(recording: SweepReader, appearance: Appearance, policy: Policy, mcap: Path | None) -> Replayed:
     """Replay with progress, by the number of frames that the recording announces."""
-    from inspector.recording import count_frames  # noqa: PLC0415
-    from inspector.replay import replay as replay_recording  # noqa: PLC0415
-    from models.frame import Frame  # noqa: PLC0415
-    from models.verdict import ScoredFrame  # noqa: PLC0415
+    from inspector.recording import count_frames
+    from inspector.replay import replay as replay_recording
+    from models.frame import Frame
+    from models.verdict import ScoredFrame
 
     total = count_frames(recording.path)
-
-    def tell(share: Progress, scored: ScoredFrame) -> None:
-        if total:
-            share((scored.index + 1) / total)
-
     with progress("inspecting") as share:
 
         def on_scored(frame: Frame, scored: ScoredFrame) -> None:
-            tell(share, scored)
+            if total:
+                share((scored.index + 1) / total)
 
         return replay_recording(recording, appearance, policy, on_scored=on_scored, scored_recording=mcap)
 
 
 def _print(replayed: Replayed, sweep: Path) -> None:
-    from inspector.report import sentences  # noqa: PLC0415
+    from inspector.report import sentences
 
     for loss in replayed.losses:
         warn(f"{sweep}: {loss}")
@@ -97,7 +93,7 @@ def _print(replayed: Replayed, sweep: Path) -> None:
 def _write_filmstrips(
     folder: Path, recording: SweepReader, appearance: Appearance, replayed: Replayed, name: str
 ) -> None:
-    from inspector.filmstrip import write_filmstrips  # noqa: PLC0415
+    from inspector.filmstrip import write_filmstrips
 
     for path in write_filmstrips(folder, recording, appearance, replayed.result, name):
         print(f"  {path}")

@@ -39,8 +39,8 @@ def progress(title: str) -> Generator[Progress]:
     if not sys.stderr.isatty():
         yield lambda share: None
         return
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress as Bar  # noqa: PLC0415
+    from rich.console import Console
+    from rich.progress import Progress as Bar
 
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=1.0)
@@ -53,7 +53,7 @@ def status(title: str) -> Generator[Callable[[str], None]]:
     if not sys.stderr.isatty():
         yield lambda said: None
         return
-    from rich.console import Console  # noqa: PLC0415
+    from rich.console import Console
 
     with Console(stderr=True).status(title) as line:
         yield lambda said: line.update(f"{title}: {said}")
