@@ -21,8 +21,9 @@ GOLDEN = ("unit=1&seed=11", "unit=2&seed=12&pace=0.15&place=1.5,-1,0.15&gain=0.9
 @lru_cache
 def learnt(common: str = "") -> Appearance:
     """From two golden sweeps, which are never held in memory."""
-    cameras = [open_camera(f"{LINE}&{golden}{common}") for golden in GOLDEN]
-    return learn([camera.frames() for camera in cameras])
+    one, other = (f"{LINE}&{golden}{common}" for golden in GOLDEN)
+    with open_camera(one) as first, open_camera(other) as second:
+        return learn([first.frames(), second.frames()])
 
 
 @dataclass(frozen=True)
