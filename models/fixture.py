@@ -12,7 +12,7 @@ _AT_STD, _PACE_STD, _OFFSET_STD = 2.0, 0.25, np.array([3.0, 3.0, 0.01])
 _WANDER = np.diag(np.square([0.15, 0.10, 0.12, 0.12, 0.0003]))
 """What may change from one frame to the next: place, pace, fixture offset (px, px, rad)."""
 _STILL_STD = 0.5
-_ALONG_STD = 20.0
+_ALONG_STD = 8.0
 
 
 @dataclass(frozen=True, eq=False)

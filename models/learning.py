@@ -15,7 +15,7 @@ from models.frame import Frame
 from models.limits import Limits
 from models.manifold import Manifold
 from models.preparation import Preparation
-from models.registration import NO_LIGHT, Prior, Template, affine, choose_points, register, scan, shrink_by, smooth
+from models.registration import NO_LIGHT, Prior, Registered, Template, affine, choose_points, register, scan, shrink_by, smooth
 from models.scoring import is_blind, look, remember, spread_beyond
 from models.sweep import SweepFacts
 from models.tolerance import levels
@@ -25,6 +25,10 @@ K = 32
 _THUMB = 80
 _STILL = 0.005
 """Share of the width by which a frame must have moved to be a place of its own."""
+_SAME, _FOLLOWS = 0.9, 0.3
+"""Agreement from which on a frame shows the place before it again; and at least continues it."""
+_STEADY = 0.02
+"""How much of its pace a steady camera gains or loses from frame to frame."""
 _MARGIN = 1.25
 _UNEVEN = 0.25
 """Median deviation of the travel per frame, as a share of it, up to which travel measures the way."""
@@ -41,6 +45,8 @@ class _Collected:
     pictures: list[bytes] = field(default_factory=list[bytes])
     points: list[np.ndarray] = field(default_factory=list[np.ndarray])
     motion: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    unsure: list[float] = field(default_factory=list[float])
+    """Standard deviation of the length of each motion, in pixels."""
     times: list[int] = field(default_factory=list[int])
     sequences: list[int] = field(default_factory=list[int])
 
@@ -117,12 +123,14 @@ def _coordinates(collected: _Collected) -> np.ndarray:
     """
     frames = np.array(collected.frames, float)
     frames = (frames - frames[0]) / (frames[-1] - frames[0])
-    way = np.hypot(*np.array(collected.motion).T)
-    pace = way / np.diff(collected.frames)
-    usual = float(np.median(pace))
-    uneven = float(np.median(np.abs(pace - usual)))
-    if usual <= 0 or uneven > _UNEVEN * usual or way.min() <= 0:
+    way, steps = np.hypot(*np.array(collected.motion).T), np.diff(collected.frames)
+    usual = float(np.median(way / steps))
+    uneven = float(np.median(np.abs(way / steps - usual)))
+    if usual <= 0 or uneven > _UNEVEN * usual:
         return frames
+    # where texture is poor, the usual pace knows better than the picture
+    trust = 1 / (1 + np.square(np.array(collected.unsure) / (_STEADY * usual)))
+    way = usual * steps + trust * (way - usual * steps)
     return np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
 
 
@@ -152,10 +160,12 @@ def _collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepa
         if is_blind(smoothed):
             continue
         if before is not None:
-            pose, still = _moved(before, smoothed, pose)
-            if still:
+            moved = _moved(before, smoothed, pose)
+            pose = moved.pose
+            if _is_still(moved, smoothed.shape[1]):
                 continue
             kept.motion.append(pose[:2])
+            kept.unsure.append(_unsure(moved))
         points = choose_points(smoothed)
         before = (Template.of(smoothed, points), smoothed)
         kept.frames.append(index)
@@ -194,15 +204,13 @@ def _described(pixels: np.ndarray) -> str:
     return f"{pixels.shape[1]}x{pixels.shape[0]} {kind} {8 * pixels.dtype.itemsize} bit"
 
 
-def _moved(
-    before: tuple[Template, np.ndarray], smoothed: np.ndarray, last: np.ndarray
-) -> tuple[np.ndarray, bool]:
-    """The pose of the next frame on the place before it, and whether that is a standstill."""
+def _moved(before: tuple[Template, np.ndarray], smoothed: np.ndarray, last: np.ndarray) -> Registered:
+    """The next frame on the place before it."""
     template, old = before
     h, w = old.shape
     half = (w // 2, h // 2)
     a, b = (cv2.resize(p, half, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (old, smoothed))
-    (dx, dy), _ = cv2.phaseCorrelate(a, b, cv2.createHanningWindow(half, cv2.CV_32F).copy())
+    (dx, dy), _ = cv2.phaseCorrelate(a, b, cv2.createHanningWindow(half, cv2.CV_32F))
     guesses = np.array([last, np.zeros(3), [2 * dx, 2 * dy, 0.0]])
     reach = 0.25 * w
     prior_pose = np.diag([reach**-2, reach**-2, 0.05**-2])
@@ -213,10 +221,20 @@ def _moved(
         for i in order[:2]
     ]
     best = max(tries, key=lambda registered: registered.correlation)
-    if best.correlation < 0.3:
-        return np.zeros(3), False
-    still = best.correlation > 0.9 and float(np.hypot(*best.pose[:2])) < _STILL * w and abs(best.pose[2]) < 2 * _STILL
-    return best.pose, still
+    return best if best.correlation >= _FOLLOWS else replace(best, pose=np.zeros(3))
+
+
+def _is_still(moved: Registered, width: int) -> bool:
+    """Whether a frame shows the place before it again."""
+    shift, turn = float(np.hypot(*moved.pose[:2])), abs(float(moved.pose[2]))
+    return moved.correlation > _SAME and shift < _STILL * width and turn < 2 * _STILL
+
+
+def _unsure(moved: Registered) -> float:
+    """Standard deviation of the length of a motion: large where little texture lies along it."""
+    way = moved.pose[:2]
+    along = way / max(float(np.hypot(*way)), 1e-6)
+    return float(np.sqrt(along @ moved.covariance[:2, :2] @ along)) if moved.correlation >= _FOLLOWS else np.inf
 
 
 def _keep(frame: Frame) -> bytes:

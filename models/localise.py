@@ -19,9 +19,12 @@ _SURE = 0.4
 _ASK_EVERY = 2.5
 _APART, _CERTAIN, _INSISTS = 2.0, 4.0, 3
 """The eigenspace insists when it stands so many places apart, by such a margin, so many times."""
+_SINKS, _RISES = 0.2, 0.05
+_LEAP, _PATIENT = 4.0, 4
+"""A frame this many places off is believed where it fits as well as usual, or after so many that did not fit."""
 _GIVE_UP = 8
 """Frames that agree with nothing, after which the fixture is forgotten."""
-_FITS, _GRAIN = 0.8, 0.7
+_FITS, _FITS_USUAL, _USUAL, _GRAIN = 0.8, 0.6, 1.3, 0.7
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
 _POSE_FLOOR = np.diag(np.square([0.15, 0.15, 0.0005]))
@@ -124,11 +127,17 @@ def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _At
     return _attempt(scene, replace(chosen, mean=np.array([ats[best], *chosen.mean[1:]])), light)
 
 
-def _fits(model: Template, registered: Registered, residual: float | None) -> bool:
-    """Whether the picture agrees with the reference as well as noise allows, and as well as those before it."""
-    needed = _FITS * model.detail / float(np.hypot(model.detail, _GRAIN))
-    usual = np.inf if residual is None else max(2.0 * residual, residual + 1.0)
-    return registered.correlation >= needed and registered.residual <= usual
+def _fits(model: Template, registered: Registered, usual: float | None) -> bool:
+    """Whether the picture agrees with the reference as well as noise allows, and as well as those before it.
+
+    A part with much wrong about it agrees less, but leaves no more unexplained at the points that are right.
+    """
+    expected = model.detail / float(np.hypot(model.detail, _GRAIN))
+    if usual is None:
+        return registered.correlation >= _FITS * expected
+    if registered.residual <= _USUAL * usual:
+        return registered.correlation >= _FITS_USUAL * expected
+    return registered.correlation >= _FITS * expected and registered.residual <= max(2.0 * usual, usual + 1.0)
 
 
 def _rivals(trail: Trail, best: Standing) -> list[Fixture]:
@@ -174,9 +183,9 @@ def locate(
     rivalry = trail.rivalry + 1 if apart else 0
     if not attempt.fits or _worse(trail, attempt) or rivalry >= _INSISTS:
         for rival in _rivals(trail, best):
-            other = _better(attempt, _search(scene, rival))
+            other = _better(attempt, _search(scene, rival), _leaps(trail, guess))
             attempt, rivalry = other, rivalry if other is attempt else 0
-    if attempt.fits:
+    if attempt.fits and not _worse(trail, attempt):
         places = vouch(places, attempt.fixture.at, 2.0)
     return _placed(trail, path, attempt, guess, replace(trail, places=places, waited=0.0, rivalry=rivalry))
 
@@ -187,12 +196,26 @@ def _worse(trail: Trail, attempt: _Attempt) -> bool:
     return attempt.registered.residual > max(1.3 * usual, usual + 0.15)
 
 
-def _better(one: _Attempt | None, other: _Attempt) -> _Attempt:
+def _leaps(trail: Trail, guess: Fixture | None) -> Callable[[_Attempt], bool]:
+    """Whether an attempt is far from where the sweep should be, and not good enough to believe that at once."""
+    if guess is None or trail.misses >= _PATIENT or trail.residual is None:
+        return lambda attempt: False
+    at, allowed = guess.at, _USUAL * trail.residual
+    return lambda attempt: abs(attempt.fixture.at - at) > _LEAP and attempt.registered.residual > allowed
+
+
+def _better(one: _Attempt | None, other: _Attempt, leaps: Callable[[_Attempt], bool] = lambda _: False) -> _Attempt:
     """The first unless the other fits and leaves clearly less unexplained."""
     if one is None:
         return other
     needed = 0.85 if one.fits else 1.0
-    return other if other.fits and other.registered.residual < needed * one.registered.residual else one
+    less = other.registered.residual < needed * one.registered.residual
+    return other if other.fits and less and not leaps(other) else one
+
+
+def _follow(usual: float, residual: float) -> float:
+    """Down quickly and up slowly: what is left unexplained at a wrong place must not soon count as usual."""
+    return usual + (_SINKS if residual < usual else _RISES) * (residual - usual)
 
 
 def _placed(
@@ -201,7 +224,7 @@ def _placed(
     """Carry on from an attempt, or by dead reckoning (`guess`) where it does not fit."""
     r = attempt.registered
     if attempt.fits:
-        usual = r.residual if trail.residual is None else trail.residual + 0.2 * (r.residual - trail.residual)
+        usual = r.residual if trail.residual is None else _follow(trail.residual, r.residual)
         light = r.light if trail.light is None else trail.light + 0.3 * (r.light - trail.light)
         fixture = attempt.fixture.settled(path)
         carried = replace(asked, fixture=fixture, light=light, residual=usual, misses=0)

@@ -29,6 +29,8 @@ _SLIGHT = 8
 """Grey levels of excess not worth forgiving."""
 _GROW = np.ones((3, 3), np.uint8)
 _RIM = 4
+_STRAY = 7
+"""Pixels: the wide band and half the box that evidence is averaged over."""
 _EVEN = 0.004
 """Shading too slight to be worth a multiplication: less than half a grey level."""
 
@@ -166,7 +168,9 @@ def outside(
     left, right = (skew_x - tx) / cell, (w - 1 - skew_x - tx) / cell
     top, bottom = (skew_y - ty) / cell, (h - 1 - skew_y - ty) / cell
     hidden = np.ones((rows, cols), bool)
-    shown_rows = slice(max(0, int(np.ceil(top))), max(0, min(rows, int(np.floor(bottom)))))
-    shown_cols = slice(max(0, int(np.ceil(left))), max(0, min(cols, int(np.floor(right)))))
+    # what lies just outside of the reference picture may stray in: its own rim says nothing
+    rim = -(-_STRAY // cell)
+    shown_rows = slice(max(rim, int(np.ceil(top))), max(0, min(h // cell - rim, int(np.floor(bottom)))))
+    shown_cols = slice(max(rim, int(np.ceil(left))), max(0, min(w // cell - rim, int(np.floor(right)))))
     hidden[shown_rows, shown_cols] = False
     return hidden
