@@ -204,7 +204,7 @@ def test_points_outside_of_the_pictures_are_refused(value: int):
 
 
 def test_a_reference_picture_that_is_none_is_refused():
-    with pytest.raises(AppearanceError, match="reference picture"):
+    with pytest.raises(AppearanceError, match="picture"):
         used(forged(lambda arrays: arrays.update(pictures=np.zeros_like(arrays["pictures"]))))
 
 

@@ -1,4 +1,4 @@
-"""References: pictures come back as they were kept, in bounded memory, and damaged ones are refused by number."""
+"""References: pictures come back as they were kept, in bounded memory, and damaged ones are refused."""
 
 import cv2
 import numpy as np
@@ -72,9 +72,9 @@ def test_more_pictures_than_are_held_are_read_again():
         png(np.zeros((60, 80), np.uint8))[:40],
     ],
 )
-def test_a_picture_that_cannot_be_decoded_is_refused_by_its_number(bad: bytes):
+def test_a_picture_that_cannot_be_decoded_is_refused(bad: bytes):
     good = np.random.default_rng(1).integers(0, 256, (60, 80), np.uint8)
     points = np.stack([choose_points(good)] * 2)
     references = References((png(good), bad), points, (b"", b""))
-    with pytest.raises(AppearanceError, match="reference picture 1 cannot be decoded"):
+    with pytest.raises(AppearanceError, match=r"picture .*cannot be decoded"):
         references.get(1)
