@@ -1,34 +1,41 @@
 """Localise: a tiny sweep under every pace and placement is followed to a frame, and found again after strangers."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from models.frame import Frame
-from models.localise import Located, begin, locate
-from models.registration import full_pose, smooth
-from tests.models.parts import FIRST, FRAMES, STEP, View, golden, places, pose_of, shot, surface, swept, with_spot
+from models.localise import Located
+from models.registration import full_pose
+from models.scoring import look, remember
+from tests.models.parts import (
+    FIRST,
+    FRAMES,
+    INTERVAL_NS,
+    STEP,
+    View,
+    golden,
+    places,
+    pose_of,
+    shot,
+    surface,
+    swept,
+    with_spot,
+)
 
 SEEN = View(seed=11)
 
 
-def followed(frames: Sequence[Frame], elapsed: Sequence[float] | None = None) -> list[Located]:
-    """Where each frame is said to be, without anything being compared."""
+def followed(frames: Sequence[Frame]) -> list[Located]:
+    """Where each frame is said to be."""
     appearance, found = golden(), list[Located]()
-    trail = begin(appearance.track)
-    for i, each in enumerate(frames):
-        z = appearance.eigenspace.project(appearance.preparation.prepare(each.pixels))
-        trail, located = locate(
-            trail,
-            appearance.track,
-            appearance.path,
-            lambda reference: appearance.references.get(reference).template,
-            smooth(each.pixels),
-            z,
-            1.0 if elapsed is None else elapsed[i],
-        )
-        found.append(located)
+    memory = remember(appearance)
+    for each in frames:
+        memory, shown_ = look(appearance, appearance.limits, memory, each)
+        assert shown_ is not None
+        found.append(shown_.located)
     return found
 
 
@@ -66,7 +73,10 @@ def test_at_any_pace_it_is_within_a_frame(name: str):
 def test_frames_may_be_lost(seed: int):
     kept = np.random.default_rng(seed).random(FRAMES) > 0.35
     ats = places()[kept]
-    found = followed(swept(surface(), ats, SEEN), np.diff(ats, prepend=-1).tolist())
+    frames = [
+        replace(each, t_ns=int(at * INTERVAL_NS)) for each, at in zip(swept(surface(), ats, SEEN), ats, strict=True)
+    ]
+    found = followed(frames)
     assert share_within(found, shown(ats)) >= 0.99
 
 
@@ -141,10 +151,7 @@ def test_a_defect_of_up_to_a_tenth_of_the_picture_does_not_move_it(side: int, ve
     assert np.mean([each.verified for each in found]) >= verified
 
 
-def test_following_changes_nothing_that_was_learnt_or_passed_in():
-    appearance = golden()
-    before, trail = appearance.to_bytes(), begin(appearance.track)
-    cost = trail.places.cost.copy()
+def test_following_changes_nothing_that_was_learnt():
+    before = golden().to_bytes()
     followed(swept(surface(), places(last=8), SEEN))
-    assert appearance.to_bytes() == before
-    np.testing.assert_array_equal(trail.places.cost, cost)
+    assert golden().to_bytes() == before
