@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
 from models.fixture import Path
 from models.limits import Limits
+from models.localise import Guide
 from models.manifold import Manifold
 from models.position import Track
 from models.preparation import Preparation
@@ -64,7 +66,7 @@ class Appearance:
         return len(self.pictures)
 
     @cached_property
-    def s(self) -> Float[np.ndarray, "n"]:
+    def s(self) -> Float[np.ndarray, " n"]:
         """Sweep coordinate of each place."""
         return self.manifold.axes[0]
 
@@ -83,6 +85,11 @@ class Appearance:
         """The curve as the position filter uses it."""
         z, slope = self.manifold.samples.astype(float), self.slope.astype(float)
         return Track(z, slope, self.motion.astype(float), self.noise)
+
+    @cached_property
+    def guide(self) -> Guide:
+        """What places a frame."""
+        return Guide(self.track, self.path, lambda place: self.references.get(place).template)
 
     @cached_property
     def path(self) -> Path:
@@ -178,7 +185,7 @@ def _joined(name: str, parts: tuple[bytes, ...]) -> dict[str, np.ndarray]:
 
 def _parted(name: str, arrays: Mapping[str, np.ndarray]) -> tuple[bytes, ...]:
     data, ends = arrays[name].tobytes(), [0, *map(int, arrays[f"{name}.ends"])]
-    return tuple(data[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True))
+    return tuple(data[a:b] for a, b in pairwise(ends))
 
 
 def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -22,27 +23,28 @@ class Path:
     motion: Float[np.ndarray, "n 2"]
     """From each place to the next, in pixels."""
 
-    def __post_init__(self) -> None:
-        points = np.vstack([np.zeros(2), np.cumsum(self.motion[:-1], axis=0)])
-        object.__setattr__(self, "points", points)
+    @cached_property
+    def points(self) -> Float[np.ndarray, "n 2"]:
+        """Displacement of the picture at each place from the first, in pixels."""
+        return np.vstack([np.zeros(2), np.cumsum(self.motion[:-1], axis=0)])
 
-    def between(self, start: float, end: float) -> Float[np.ndarray, "2"]:
+    def between(self, start: float, end: float) -> Float[np.ndarray, " 2"]:
         """Displacement of the picture from one place to another, in pixels."""
         return self.at(end) - self.at(start)
 
-    def at(self, place: float) -> Float[np.ndarray, "2"]:
+    def at(self, place: float) -> Float[np.ndarray, " 2"]:
         """Displacement of the picture from the first place, in pixels; held at the ends."""
         i = min(max(int(place), 0), len(self.points) - 2)
         fraction = min(max(place - i, 0.0), 1.0)
         return self.points[i] * (1.0 - fraction) + self.points[i + 1] * fraction
 
-    def along(self, places: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m 2"]:
+    def along(self, places: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
         """The same for many places."""
         i = np.clip(places.astype(int), 0, len(self.points) - 2)
         fraction = np.clip(places - i, 0.0, 1.0)[:, None]
         return self.points[i] * (1.0 - fraction) + self.points[i + 1] * fraction
 
-    def speed(self, at: float) -> Float[np.ndarray, "2"]:
+    def speed(self, at: float) -> Float[np.ndarray, " 2"]:
         """Displacement per place about `at`."""
         i = min(max(int(at), 0), len(self.motion) - 2)
         return self.motion[i]
@@ -52,7 +54,7 @@ class Path:
 class Fixture:
     """A Gaussian over (place, pace, offset x, offset y, rotation)."""
 
-    mean: Float[np.ndarray, "5"]
+    mean: Float[np.ndarray, " 5"]
     covariance: Float[np.ndarray, "5 5"]
 
     @classmethod
@@ -72,7 +74,7 @@ class Fixture:
         return self.at + float(speed @ self.mean[2:4]) / max(float(speed @ speed), 1.0)
 
     @property
-    def offset(self) -> Float[np.ndarray, "3"]:
+    def offset(self) -> Float[np.ndarray, " 3"]:
         """Shift in pixels and rotation of the part in its fixture, as the picture shows it."""
         return self.mean[OFFSET]
 

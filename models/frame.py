@@ -40,7 +40,7 @@ class Frame:
 
     def __post_init__(self) -> None:
         shape, kind = self.pixels.shape, self.pixels.dtype
-        if kind not in (np.uint8, np.uint16):
+        if kind not in (np.dtype(np.uint8), np.dtype(np.uint16)):
             raise PictureError(f"frame {self.sequence}: pixels are {kind}, allowed are uint8 and uint16")
         if len(shape) not in (2, 3) or (len(shape) == 3 and shape[2] != 3) or 0 in shape:
             raise PictureError(f"frame {self.sequence}: shape {shape}, allowed are (h, w) and (h, w, 3)")

@@ -12,7 +12,7 @@ from models.appearance import Appearance
 from models.errors import PictureError
 from models.frame import Frame
 from models.judging import judge
-from models.registration import full_pose, affine
+from models.registration import affine, full_pose
 from models.scoring import Look, Memory, look, regions, remember
 from models.tolerance import aligned, levels
 from models.verdict import FrameState, Policy, Residuals, Result, ScoredFrame

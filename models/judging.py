@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,6 +12,8 @@ from models.verdict import Deviation, FrameState, Judgement, Policy, Region, Res
 
 _SEES = 0.15
 """A scored frame vouches for places whose pictures lie within this share of 320 pixels of its own."""
+_DIP = 4
+"""Frames from one that is raised to the next, up to which they belong to the same deviation."""
 _FEW = 5
 """Shorter sweeps show nothing of a part."""
 
@@ -20,7 +21,7 @@ _FEW = 5
 def judge(
     frames: Sequence[ScoredFrame],
     policy: Policy,
-    s: Float[np.ndarray, "n"],
+    s: Float[np.ndarray, " n"],
     path: Path,
     *,
     appearance_id: str,
@@ -36,22 +37,20 @@ def judge(
     scored = [frame for frame in frames if frame.state is FrameState.SCORED]
     covered = _covered(scored, s, path)
     coverage = float(covered.mean()) if scored else 0.0
-    found = deviations(scored, policy)
-    verdict, reasons = _verdict(frames, scored, policy, coverage, found, stopped)
+    found = deviations(scored, policy, float(np.median(np.diff(s))))
+    verdict, reasons = _verdict(frames, policy, coverage, found, stopped)
     reasons = (*reasons, *_missing(covered, s, coverage, policy))
-    return Result(
-        verdict, reasons, coverage, len(scored), dropped, found, appearance_id, digest, tuple(frames)
-    )
+    return Result(verdict, reasons, coverage, len(scored), dropped, found, appearance_id, digest, tuple(frames))
 
 
 def _verdict(
     frames: Sequence[ScoredFrame],
-    scored: Sequence[ScoredFrame],
     policy: Policy,
     coverage: float,
     found: tuple[Deviation, ...],
     stopped: bool,
 ) -> tuple[Judgement, tuple[str, ...]]:
+    scored = [frame for frame in frames if frame.state is FrameState.SCORED]
     strayed = len(frames) - len(scored)
     if len(scored) < _FEW or strayed > policy.invalid_share * len(frames):
         return Judgement.INVALID, (_why_invalid(frames, scored),)
@@ -90,7 +89,7 @@ def _told(deviation: Deviation) -> str:
     )
 
 
-def _covered(scored: Sequence[ScoredFrame], s: Float[np.ndarray, "n"], path: Path) -> Bool[np.ndarray, "n"]:
+def _covered(scored: Sequence[ScoredFrame], s: Float[np.ndarray, " n"], path: Path) -> Bool[np.ndarray, " n"]:
     """Which places were seen: those that a scored frame shows most of."""
     covered = np.zeros(len(s), bool)
     places = np.arange(len(s))
@@ -104,7 +103,7 @@ def _covered(scored: Sequence[ScoredFrame], s: Float[np.ndarray, "n"], path: Pat
 
 
 def _missing(
-    covered: Bool[np.ndarray, "n"], s: Float[np.ndarray, "n"], coverage: float, policy: Policy
+    covered: Bool[np.ndarray, " n"], s: Float[np.ndarray, " n"], coverage: float, policy: Policy
 ) -> tuple[str, ...]:
     """A sentence for each long stretch that was not seen."""
     if coverage >= policy.coverage:
@@ -114,22 +113,25 @@ def _missing(
     return tuple(f"not seen between s = {s[a]:.3f} and {s[min(b, len(s) - 1)]:.3f}" for a, b in stretches)
 
 
-def deviations(scored: Sequence[ScoredFrame], policy: Policy) -> tuple[Deviation, ...]:
-    """Stretches out of tolerance, with hysteresis, each kind apart, in the order of their first frame."""
+def deviations(scored: Sequence[ScoredFrame], policy: Policy, place: float) -> tuple[Deviation, ...]:
+    """Stretches out of tolerance, with hysteresis, each kind apart, in the order of their first frame.
+
+    A dip of a few frames below the hysteresis does not end one. `place` is how far along s one place reaches.
+    """
     found: list[Deviation] = []
     for kind in ("appearance", "position", "timing"):
         run: list[ScoredFrame] = []
         for frame in scored:
+            if run and frame.index - run[-1].index > _DIP:
+                found += _closed(run, kind, place)
+                run = []
             if getattr(frame.residuals, kind) >= policy.hysteresis:
                 run.append(frame)
-                continue
-            found += _closed(run, kind)
-            run = []
-        found += _closed(run, kind)
+        found += _closed(run, kind, place)
     return tuple(sorted(found, key=lambda d: (d.index_start, d.kind)))
 
 
-def _closed(run: list[ScoredFrame], kind: str) -> list[Deviation]:
+def _closed(run: list[ScoredFrame], kind: str, place: float) -> list[Deviation]:
     """The deviation that a run of raised frames is, if it reached the threshold."""
     if not run:
         return []
@@ -138,12 +140,11 @@ def _closed(run: list[ScoredFrame], kind: str) -> list[Deviation]:
     if height < 1.0 or (kind != "appearance" and len(run) < _FEW):
         return []
     places = [frame.s for frame in run if frame.s is not None]
-    step = float(np.median([abs(b - a) for a, b in pairwise(places)])) if len(places) > 1 else 0.0
     regions: tuple[Region, ...] = peak.regions if kind == "appearance" else ()
     return [
         Deviation(
             min(places),
-            min(1.0, max(places) + step),
+            max(places) + place,
             run[0].index,
             run[-1].index + 1,
             kind,

@@ -36,7 +36,7 @@ class Trail:
 
     places: Places
     fixture: Fixture | None = None
-    light: Float[np.ndarray, "4"] | None = None
+    light: Float[np.ndarray, " 4"] | None = None
     residual: float | None = None
     """What registration usually leaves unexplained."""
     misses: int = 0
@@ -59,6 +59,15 @@ class Located:
     """Standard deviation of `at`, in reference frames."""
     verified: bool
     """The picture agrees with the reference picture."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """What is known of a sweep before it comes: the curve, the way, and the pictures to register on."""
+
+    track: Track
+    path: Path
+    template: Callable[[int], Template]
 
 
 def begin(track: Track) -> Trail:
@@ -84,8 +93,7 @@ def _light(model: Template, smoothed: np.ndarray, pose: np.ndarray) -> np.ndarra
 class _Scene:
     """What every attempt at one frame needs."""
 
-    path: Path
-    template: Callable[[int], Template]
+    guide: Guide
     smoothed: np.ndarray
     trail: Trail
 
@@ -96,9 +104,9 @@ class _Scene:
 
 def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> _Attempt:
     """Register at the place that a guess gives, and filter what was measured."""
-    path = scene.path
+    path = scene.guide.path
     reference = min(max(round(guess.at), 0), len(path.motion) - 1)
-    model = scene.template(reference)
+    model = scene.guide.template(reference)
     pose, covariance = guess.pose(reference, path)
     light = scene.light(model, pose) if light is None else light
     std = _LIGHT_STD if scene.trail.light is None else 3 * _LIGHT_WANDER
@@ -111,9 +119,9 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
 
 def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _Attempt:
     """Scan along the path about a guess, and where the robot would have halted; attempt where it agrees best."""
-    path = scene.path
+    path = scene.guide.path
     reference = min(max(round(guess.at), 0), len(path.motion) - 1)
-    model = scene.template(reference)
+    model = scene.guide.template(reference)
     ats = np.append(guess.at + _SCAN, guess.at if halted is None else halted.at)
     poses = np.empty((len(ats), 3))
     poses[:, :2] = path.along(ats) + (guess.offset[:2] - path.at(reference))
@@ -152,13 +160,7 @@ def _rivals(trail: Trail, best: Standing) -> list[Fixture]:
 
 
 def locate(
-    trail: Trail,
-    track: Track,
-    path: Path,
-    template: Callable[[int], Template],
-    smoothed: np.ndarray,
-    z: np.ndarray,
-    elapsed: float,
+    guide: Guide, trail: Trail, smoothed: np.ndarray, z: Float[np.ndarray, " k"], elapsed: float
 ) -> tuple[Trail, Located]:
     """Place one frame, `elapsed` nominal intervals after the one before it.
 
@@ -166,28 +168,28 @@ def locate(
     asked every few frames whether it knows better; when it does not agree, everything else is tried: looking about,
     a robot that halted, and the places that the eigenspace prefers. The picture decides.
     """
-    old, scene = trail.fixture, _Scene(path, template, smoothed, trail)
-    guess = None if old is None else old.predict(elapsed, path)
+    old, path, scene = trail.fixture, guide.path, _Scene(guide, smoothed, trail)
+    expected = None if old is None else old.predict(elapsed, path)
     waited = trail.waited + elapsed
     sure = old is not None and old.uncertainty < _SURE and not trail.misses
-    attempt = _attempt(scene, guess) if guess is not None and sure else None
+    attempt = _attempt(scene, expected) if expected is not None and sure else None
     if attempt is not None and attempt.fits and not _worse(trail, attempt) and waited < _ASK_EVERY:
-        return _placed(trail, path, attempt, guess, replace(trail, waited=waited))
-    places = move(track, trail.places, z, waited, np.zeros(3) if old is None else old.offset)
+        return _placed(trail, path, attempt, expected, replace(trail, waited=waited))
+    places = move(guide.track, trail.places, z, waited, np.zeros(3) if old is None else old.offset)
     best = standing(places)
-    if old is None or guess is None:
+    if old is None or expected is None:
         attempt = _search(scene, Fixture.unknown(best.at, best.pace))
     elif attempt is None or not attempt.fits or _worse(trail, attempt):
-        attempt = _better(attempt, _search(scene, guess, old.halted()))
+        attempt = _better(attempt, _search(scene, expected, old.halted()))
     apart = abs(best.at - attempt.fixture.at) > _APART and best.margin > _CERTAIN
     rivalry = trail.rivalry + 1 if apart else 0
     if not attempt.fits or _worse(trail, attempt) or rivalry >= _INSISTS:
         for rival in _rivals(trail, best):
-            other = _better(attempt, _search(scene, rival), _leaps(trail, guess))
+            other = _better(attempt, _search(scene, rival), _leaps(trail, expected))
             attempt, rivalry = other, rivalry if other is attempt else 0
     if attempt.fits and not _worse(trail, attempt):
         places = vouch(places, attempt.fixture.at, 2.0)
-    return _placed(trail, path, attempt, guess, replace(trail, places=places, waited=0.0, rivalry=rivalry))
+    return _placed(trail, path, attempt, expected, replace(trail, places=places, waited=0.0, rivalry=rivalry))
 
 
 def _worse(trail: Trail, attempt: _Attempt) -> bool:
@@ -218,9 +220,7 @@ def _follow(usual: float, residual: float) -> float:
     return usual + (_SINKS if residual < usual else _RISES) * (residual - usual)
 
 
-def _placed(
-    trail: Trail, path: Path, attempt: _Attempt, guess: Fixture | None, asked: Trail
-) -> tuple[Trail, Located]:
+def _placed(trail: Trail, path: Path, attempt: _Attempt, guess: Fixture | None, asked: Trail) -> tuple[Trail, Located]:
     """Carry on from an attempt, or by dead reckoning (`guess`) where it does not fit."""
     r = attempt.registered
     if attempt.fits:

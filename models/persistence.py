@@ -22,10 +22,10 @@ _GROW = np.ones((3, 3), np.uint8)
 class Sight:
     """The score of one place, and where the picture stood."""
 
-    point: Float[np.ndarray, "2"]
+    point: Float[np.ndarray, " 2"]
     """Displacement of the frame along the reference sweep, in pixels."""
     place: float
-    grid: Float[np.ndarray, "2"]
+    grid: Float[np.ndarray, " 2"]
     """Displacement of the reference picture that the score is laid on."""
     score: Float[np.ndarray, "rows cols 2"]
     """Grown by one cell; beyond all bounds where nothing was seen."""
@@ -35,7 +35,7 @@ def persist(
     sights: tuple[Sight, ...],
     score: Float[np.ndarray, "rows cols 2"],
     hidden: Bool[np.ndarray, "rows cols"],
-    sight: tuple[float, Float[np.ndarray, "2"], Float[np.ndarray, "2"]],
+    sight: tuple[float, Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]],
     cell: int,
 ) -> tuple[tuple[Sight, ...], Float[np.ndarray, "rows cols 2"]]:
     """The last places with this one added, newest last, and the score that all of them agree on.
@@ -67,7 +67,7 @@ def _agree(
     agreed: Float[np.ndarray, "rows cols 2"],
     count: Int[np.ndarray, "rows cols"],
     other: Float[np.ndarray, "rows cols 2"],
-    by: Float[np.ndarray, "2"],
+    by: Float[np.ndarray, " 2"],
 ) -> None:
     """Lower `agreed` to what another place saw, its map moved by so many cells, to the nearest; and count it."""
     rows, cols = count.shape

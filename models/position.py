@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -24,6 +25,22 @@ _DIMENSIONS = 8.0
 
 
 @dataclass(frozen=True, eq=False)
+class _Known:
+    """Derived from a track once, so that a frame costs a few products."""
+
+    scale: Float[np.ndarray, " n"]
+    """Expected squared distance of z from a place."""
+    log: Float[np.ndarray, " n"]
+    """Logarithm of the variance of a coordinate."""
+    square: Float[np.ndarray, " n"]
+    flat: Float[np.ndarray, "5n k"]
+    offset: Float[np.ndarray, "n 5"]
+    solve: Float[np.ndarray, "n 5 5"]
+    length: Float[np.ndarray, " n"]
+    """Squared length of the motion."""
+
+
+@dataclass(frozen=True, eq=False)
 class Track:
     """The learnt curve with what the filter needs at each of its n places (one per reference picture)."""
 
@@ -35,53 +52,56 @@ class Track:
     noise: float
     """Standard deviation of z per coordinate at a known place, from sensor noise alone."""
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def known(self) -> _Known:
+        """What follows from the above alone."""
         n, j, k = self.slope.shape
-        sigma2 = self.noise**2 + _MISFIT_PX**2 * np.square(self.slope[:, :2]).sum(axis=(1, 2)) / k
+        variance = self.noise**2 + _MISFIT_PX**2 * np.square(self.slope[:, :2]).sum(axis=(1, 2)) / k
         gram = self.slope @ self.slope.transpose(0, 2, 1)
-        gram += (sigma2[:, None] / _SPREAD**2)[:, :, None] * np.eye(j)
-        derived = dict(
-            _sigma2=sigma2,
-            _scale=k * sigma2,
-            _log=np.log(sigma2),
-            _square=np.einsum("nk,nk->n", self.z, self.z),
-            _flat=self.slope.reshape(n * j, k),
-            _offset=np.einsum("njk,nk->nj", self.slope, self.z),
-            _solve=np.linalg.inv(gram),
-            _length=np.maximum(np.einsum("nj,nj->n", self.motion, self.motion), 1.0),
+        gram += (variance[:, None] / _SPREAD**2)[:, :, None] * np.eye(j)
+        return _Known(
+            k * variance,
+            np.log(variance),
+            np.einsum("nk,nk->n", self.z, self.z),
+            self.slope.reshape(n * j, k),
+            np.einsum("njk,nk->nj", self.slope, self.z),
+            np.asarray(np.linalg.inv(gram), float),
+            np.square(self.motion).sum(axis=1).clip(1.0),
         )
-        for name, value in derived.items():
-            object.__setattr__(self, name, value)
 
-    def misfit(self, place: int, z: Float[np.ndarray, "k"]) -> float:
+    def misfit(self, place: int, z: Float[np.ndarray, " k"]) -> float:
         """Distance of z from the curve about a place, shift, turn and shading taken out; about 1 on a good part."""
-        away = z - self.z[place]
+        known, away = self.known, z - self.z[place]
         slopes = self.slope[place] @ away
-        left = max(float(away @ away - slopes @ self._solve[place] @ slopes), 0.0)
-        return float(np.sqrt(left / (len(z) * self._sigma2[place])))
+        left = max(float(away @ away - slopes @ known.solve[place] @ slopes), 0.0)
+        return float(np.sqrt(left / known.scale[place]))
 
-    def looks(self, z: Float[np.ndarray, "k"], near: slice) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m 5"]]:
+    def looks(
+        self, z: Float[np.ndarray, " k"], near: slice[int, int, None]
+    ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 5"]]:
         """Cost of seeing z at each place of `near`, and the shift, turn and shading that explain it best."""
-        away = z @ z - 2 * (self.z[near] @ z) + self._square[near]
-        offset = self._offset[near]
+        known = self.known
+        away = z @ z - 2 * (self.z[near] @ z) + known.square[near]
+        offset = known.offset[near]
         j = offset.shape[1]
-        slopes = (self._flat[near.start * j : near.stop * j] @ z).reshape(offset.shape) - offset
-        fit = np.matmul(self._solve[near], slopes[:, :, None])[:, :, 0]
-        left = np.maximum(away - np.einsum("nj,nj->n", slopes, fit), 0)
-        per_coordinate = left / self._scale[near]
+        slopes = (known.flat[near.start * j : near.stop * j] @ z).reshape(offset.shape) - offset
+        fit = np.matmul(known.solve[near], slopes[:, :, None])[:, :, 0]
+        left = (away - (slopes * fit).sum(axis=1)).clip(0)
+        share = left / known.scale[near]
         # a heavy tail: beyond twice the noise a look is a defect or another place, not ever more unlikely
-        misfit = np.where(per_coordinate < 4, per_coordinate, 4 + 4 * np.log(np.maximum(per_coordinate, 4) / 4))
-        return 0.5 * _DIMENSIONS * (misfit + self._log[near]), fit
+        tail = share.clip(4)
+        misfit = share.clip(max=4) + 4 * np.log(tail / 4)
+        return 0.5 * _DIMENSIONS * (misfit + known.log[near]), fit
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
     """What the filter believes after a frame: a cost for every place, and what each one carries."""
 
-    cost: Float[np.ndarray, "n"]
-    at: Float[np.ndarray, "n"]
+    cost: Float[np.ndarray, " n"]
+    at: Float[np.ndarray, " n"]
     """Where, in reference frames, the hypothesis of each place stands: its index and a fraction."""
-    pace: Float[np.ndarray, "n"]
+    pace: Float[np.ndarray, " n"]
     """Reference frames per nominal frame interval, along the path of each hypothesis."""
     unseen: int = 0
     """Frames since all places were looked at."""
@@ -109,7 +129,7 @@ def start(track: Track) -> Places:
 
 
 def move(
-    track: Track, places: Places, z: Float[np.ndarray, "k"], elapsed: float, fixture: Float[np.ndarray, "3"]
+    track: Track, places: Places, z: Float[np.ndarray, " k"], elapsed: float, fixture: Float[np.ndarray, " 3"]
 ) -> Places:
     """One frame further: `elapsed` nominal frame intervals after the one before.
 
@@ -119,17 +139,17 @@ def move(
     n = len(track.z)
     near = _running(places)
     look, fit = track.looks(z.astype(float), near)
-    fraction = np.einsum("nj,nj->n", fit[:, :2] - fixture[:2], track.motion[near]) / track._length[near]
-    index = np.arange(near.start, near.stop)
-    at = index + np.clip(fraction, -0.6, 0.6)
+    fraction = ((fit[:, :2] - fixture[:2]) * track.motion[near]).sum(axis=1) / track.known.length[near]
+    index: np.ndarray = np.arange(near.start, near.stop)
+    at: np.ndarray = index + np.clip(fraction, -0.6, 0.6)
 
-    origin = index[:, None] - _STEPS[None, :]
-    inside = (origin >= 0) & (origin < n)
+    origin: np.ndarray = index[:, None] - _STEPS[None, :]
+    inside: np.ndarray = (origin >= 0) & (origin < n)
     origin = np.clip(origin, 0, n - 1)
     expected = np.maximum(places.pace[origin], 0.3) * elapsed
-    travel = at[:, None] - places.at[origin]
+    travel: np.ndarray = at[:, None] - places.at[origin]
     off = np.abs(travel - expected) / (0.3 + 0.25 * expected)
-    pace_cost = np.where(off < 2, 0.5 * off * off, 2 * off - 2)
+    pace_cost: np.ndarray = np.where(off < 2, 0.5 * off * off, 2 * off - 2)
     still = 4.0 + 3.0 * np.square(travel / 0.5)
     cost = places.cost[origin] + np.minimum(pace_cost, still) + np.where(travel < -0.75, 6.0, 0.0)
     cost[~inside] = np.inf
@@ -139,7 +159,7 @@ def move(
     floor = float(places.cost.min()) + _LOST
     fresh = chain > floor
     old = places.pace[origin]
-    moving = step > 0.3 * old * elapsed
+    moving: np.ndarray = step > 0.3 * old * elapsed
     pace = np.where(moving, old + 0.2 * (np.clip(step / elapsed, 0.2, 3.0) - old), old)
     total = np.where(fresh, floor, chain) + np.minimum(look - look.min(), _CAP)
     if near.stop - near.start == n:
@@ -149,7 +169,7 @@ def move(
     return Places(costs - costs.min(), ats, paces, places.unseen + 1)
 
 
-def _running(places: Places) -> slice:
+def _running(places: Places) -> slice[int, int, None]:
     """The places that a frame is compared with."""
     n = len(places.cost)
     best = int(places.cost.argmin())

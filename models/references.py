@@ -32,6 +32,14 @@ class Reference:
         return Band.of(self.picture, self.excess, self.cell)
 
 
+def unpack(data: bytes) -> np.ndarray:
+    """The pixels of a picture that an appearance keeps, JPEG or PNG: (h, w) or (h, w, 3), uint8 or uint16."""
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if picture is None:
+        raise AppearanceError(f"a picture of {len(data)} bytes cannot be decoded; allowed are JPEG and PNG")
+    return picture
+
+
 class References:
     """Reads reference pictures by index; holds the last ones, bounded in bytes.
 
@@ -40,23 +48,14 @@ class References:
 
     def __init__(self, pictures: tuple[bytes, ...], points: Int[np.ndarray, "n m"], excess: tuple[bytes, ...]) -> None:
         self._pictures, self._points, self._excess = pictures, points, excess
-        first = self._decoded(0)
+        first = unpack(pictures[0])
         self.size = (first.shape[1], first.shape[0])
         self.colour = first.ndim == 3
         self.cell = cell_size(self.size)
         each = first.nbytes * (3 + 2 * any(excess)) + self._points.shape[1] * 48
         self.get = lru_cache(maxsize=max(4, _HELD_BYTES // each))(self._get)
 
-    def _decoded(self, index: int) -> np.ndarray:
-        picture = cv2.imdecode(np.frombuffer(self._pictures[index], np.uint8), cv2.IMREAD_UNCHANGED)
-        if picture is None:
-            raise AppearanceError(f"reference picture {index} cannot be decoded; allowed are JPEG and PNG")
-        return levels(picture)
-
     def _get(self, index: int) -> Reference:
-        picture = self._decoded(index)
-        excess = None
-        if self._excess and self._excess[index]:
-            stacked = cv2.imdecode(np.frombuffer(self._excess[index], np.uint8), cv2.IMREAD_UNCHANGED)
-            excess = stacked.reshape(2, *picture.shape)
+        picture = levels(unpack(self._pictures[index]))
+        excess = unpack(self._excess[index]).reshape(2, *picture.shape) if self._excess[index] else None
         return Reference(picture, Template.of(smooth(picture), self._points[index]), excess, self.cell)

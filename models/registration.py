@@ -31,9 +31,9 @@ _SCAN_POINTS = 240
 class Prior:
     """What is known of the pose and the light before the frame is looked at: Gaussian, by mean and precision."""
 
-    pose: Float[np.ndarray, "3"]
+    pose: Float[np.ndarray, " 3"]
     pose_precision: Float[np.ndarray, "3 3"]
-    light: Float[np.ndarray, "4"]
+    light: Float[np.ndarray, " 4"]
     light_precision: Float[np.ndarray, "4 4"]
 
 
@@ -41,8 +41,8 @@ class Prior:
 class Registered:
     """Where the frame lies, how it is lit, and how well that explains it."""
 
-    pose: Float[np.ndarray, "3"]
-    light: Float[np.ndarray, "4"]
+    pose: Float[np.ndarray, " 3"]
+    light: Float[np.ndarray, " 4"]
     covariance: Float[np.ndarray, "3 3"]
     """Of the pose."""
     residual: float
@@ -67,16 +67,16 @@ def smooth(picture: np.ndarray) -> Float[np.ndarray, "h w"]:
     return cv2.blur(cv2.blur(grey, (5, 5)), (3, 3))
 
 
-def full_pose(pose: Float[np.ndarray, "3"], size: tuple[int, int]) -> Float[np.ndarray, "3"]:
+def full_pose(pose: Float[np.ndarray, " 3"], size: tuple[int, int]) -> Float[np.ndarray, " 3"]:
     """A pose in registration's pixels as one in pixels of the picture of this (width, height)."""
     by = shrink_by(size)
     return pose * np.array([by, by, 1.0])
 
 
-def choose_points(smoothed: np.ndarray) -> Int[np.ndarray, "n"]:
+def choose_points(smoothed: np.ndarray) -> Int[np.ndarray, " n"]:
     """The steepest pixel of every cell of a grid of some 800: flat indices into the picture."""
     h, w = smoothed.shape
-    side = max(4, round(np.sqrt(h * w / _CELLS)))
+    side = max(4, round(float(np.sqrt(h * w / _CELLS))))
     gx = cv2.Sobel(smoothed, cv2.CV_32F, 1, 0, ksize=1)
     gy = cv2.Sobel(smoothed, cv2.CV_32F, 0, 1, ksize=1)
     rim = 2
@@ -84,9 +84,10 @@ def choose_points(smoothed: np.ndarray) -> Int[np.ndarray, "n"]:
     top, left = (h - rows * side) // 2, (w - cols * side) // 2
     steep = (gx * gx + gy * gy)[top : top + rows * side, left : left + cols * side]
     cells = steep.reshape(rows, side, cols, side).transpose(0, 2, 1, 3).reshape(rows, cols, side * side)
-    best = cells.argmax(axis=2)
-    y = top + np.arange(rows)[:, None] * side + best // side
-    x = left + np.arange(cols)[None, :] * side + best % side
+    best = np.asarray(cells.argmax(axis=2), np.int64)
+    down, across = np.divmod(best, side)
+    y = down + top + side * np.arange(rows)[:, None]
+    x = across + left + side * np.arange(cols)[None, :]
     return (y * w + x).ravel().astype(np.int32)
 
 
@@ -99,13 +100,13 @@ class Template:
     """x, y and 1 of each point, in pixels from the centre."""
     jacobian: Float32[np.ndarray, "7 n"]
     """Of the explained value by pose (at gain 1) and by light; its fourth row is the value itself."""
-    shape: Float32[np.ndarray, "n"]
+    shape: Float32[np.ndarray, " n"]
     """The values without what lamp and lens do, a quadratic over the picture: the detail."""
     detail: float
     """Standard deviation of the detail, in grey levels."""
 
     @classmethod
-    def of(cls, smoothed: np.ndarray, points: Int[np.ndarray, "n"]) -> Template:
+    def of(cls, smoothed: np.ndarray, points: Int[np.ndarray, " n"]) -> Template:
         """Read values and slopes of a smoothed reference picture at the chosen points."""
         h, w = smoothed.shape
         flat = smoothed.reshape(-1)
@@ -121,11 +122,12 @@ class Template:
         jacobian[2] = jacobian[1] * x - jacobian[0] * y
         jacobian[3], jacobian[4], jacobian[5], jacobian[6] = value, 1, value * u, value * v
         slow = np.stack([jacobian[4], u, v, u * u, u * v, v * v]).astype(float)
-        shape = (value - np.linalg.solve(slow @ slow.T, slow @ value) @ slow).astype(np.float32)
+        fit = np.asarray(np.linalg.solve(slow @ slow.T, slow @ value), float)
+        shape = (value - fit @ slow).astype(np.float32)
         return cls((w, h), xy1, jacobian, shape, float(np.sqrt(shape @ shape / len(shape))))
 
 
-def affine(pose: Float[np.ndarray, "3"], size: tuple[int, int]) -> Float[np.ndarray, "2 3"]:
+def affine(pose: Float[np.ndarray, " 3"], size: tuple[int, int]) -> Float[np.ndarray, "2 3"]:
     """The map from reference pixels to frame pixels."""
     tx, ty, angle = (float(v) for v in pose)
     c, s = np.cos(angle), np.sin(angle)
@@ -133,15 +135,13 @@ def affine(pose: Float[np.ndarray, "3"], size: tuple[int, int]) -> Float[np.ndar
     return np.array([[c, -s, cx + tx - c * cx + s * cy], [s, c, cy + ty - s * cx - c * cy]])
 
 
-def compose(pose: Float[np.ndarray, "3"], inner: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+def compose(pose: Float[np.ndarray, " 3"], inner: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
     """The pose that first applies `inner`, then `pose`."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    return np.array(
-        [pose[0] + c * inner[0] - s * inner[1], pose[1] + s * inner[0] + c * inner[1], pose[2] + inner[2]]
-    )
+    return np.array([pose[0] + c * inner[0] - s * inner[1], pose[1] + s * inner[0] + c * inner[1], pose[2] + inner[2]])
 
 
-def _sample(template: Template, frame: np.ndarray, pose: Float[np.ndarray, "3"]) -> tuple[np.ndarray, np.ndarray]:
+def _sample(template: Template, frame: np.ndarray, pose: Float[np.ndarray, " 3"]) -> tuple[np.ndarray, np.ndarray]:
     """Values of the frame where the points lie under `pose`, and where that is: (n,), (2, n)."""
     tw, th = template.size
     c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -151,7 +151,7 @@ def _sample(template: Template, frame: np.ndarray, pose: Float[np.ndarray, "3"])
     return values.reshape(-1).astype(np.float32), at
 
 
-def _inside(at: Float32[np.ndarray, "2 ..."], frame: np.ndarray) -> Bool[np.ndarray, "..."]:
+def _inside(at: Float32[np.ndarray, "2 ..."], frame: np.ndarray) -> Bool[np.ndarray, ...]:
     """Which places lie in the frame, a pixel's rim left out."""
     h, w = frame.shape
     x, y = at
@@ -216,8 +216,8 @@ def _agreement(detail: np.ndarray, residual: np.ndarray) -> float:
 
 
 def scan(
-    template: Template, frame: np.ndarray, poses: Float[np.ndarray, "m 3"], light: Float[np.ndarray, "4"]
-) -> Float[np.ndarray, "m"]:
+    template: Template, frame: np.ndarray, poses: Float[np.ndarray, "m 3"], light: Float[np.ndarray, " 4"]
+) -> Float[np.ndarray, " m"]:
     """Agreement of the frame with the reference picture at many poses, on a few points each: about 1 where it fits.
 
     What is not explained is clipped, so that a defect weighs no more than its points.

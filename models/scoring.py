@@ -1,4 +1,4 @@
-"""One frame against the appearance: placed, laid on the reference picture, compared, and agreed with the places before."""
+"""One frame against the appearance: placed, laid on its reference picture, compared, agreed with the places before."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, UInt8
 
 from models.appearance import Appearance
 from models.frame import Frame
@@ -67,9 +67,7 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
     references = appearance.references
     x = appearance.preparation.prepare(frame.pixels)
     z = appearance.eigenspace.project(x)
-    trail, located = locate(
-        memory.trail, appearance.track, appearance.path, lambda i: references.get(i).template, smoothed, z, elapsed
-    )
+    trail, located = locate(appearance.guide, memory.trail, smoothed, z, elapsed)
     memory = replace(memory, trail=trail)
     distance = appearance.track.misfit(located.reference, z.astype(float))
     if not located.verified:
@@ -112,9 +110,7 @@ def regions(appearance: Appearance, shown: Look) -> tuple[Region, ...]:
     return tuple(sorted(found, key=lambda region: -region.score))
 
 
-def _region(
-    m: np.ndarray, box: tuple[int, int, int, int], size: tuple[int, int], peak: float, polarity: str
-) -> Region:
+def _region(m: np.ndarray, box: tuple[int, int, int, int], size: tuple[int, int], peak: float, polarity: str) -> Region:
     corners = m @ np.array([[box[0], box[2], box[0], box[2]], [box[1], box[1], box[3], box[3]], [1, 1, 1, 1]], float)
     x0, y0 = np.clip(np.floor(corners.min(axis=1)), 0, np.array(size) - 1)
     x1, y1 = np.clip(np.ceil(corners.max(axis=1)), np.array([x0, y0]) + 1, size)
@@ -138,19 +134,24 @@ def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> d
     if shown.score is None or float(shown.score.max()) < _WIDENS:
         return {}
     h, w = picture.shape[:2]
-    cell = reference.cell
     laid = aligned(picture, full_pose(located.registered.pose, (w, h)), located.registered.light)
-    parts = []
-    for polarity, excess in enumerate(beyond(reference.band, laid)):
-        where = cv2.dilate((shown.score[:, :, polarity] >= _WIDENS).astype(np.uint8), np.ones((3, 3), np.uint8))
-        mask = cv2.resize(where, (where.shape[1] * cell, where.shape[0] * cell), interpolation=cv2.INTER_NEAREST)
-        mask = mask[:h, :w] if excess.ndim == 2 else mask[:h, :w, None]
-        parts.append(np.minimum(np.ceil(excess * mask), 255).astype(np.uint8))
     already = reference.excess if reference.excess is not None else np.zeros((2, *picture.shape), np.uint8)
-    parts = [np.where(part > 0, cv2.add(part, old), 0) for part, old in zip(parts, already, strict=True)]
+    parts: list[np.ndarray] = []
+    for polarity, excess in enumerate(beyond(reference.band, laid)):
+        mask = _pixels(shown.score[:, :, polarity] >= _WIDENS, reference.cell, (h, w))
+        more = np.clip(np.ceil(excess * (mask if excess.ndim == 2 else mask[:, :, None])), 0, 255).astype(np.uint8)
+        # what is beyond the band is beyond what widened it already, too
+        parts.append(np.where(more > 0, cv2.add(more, already[polarity]), np.uint8(0)))
     found: dict[int, np.ndarray] = {}
     for place in range(max(0, located.reference - 2), min(appearance.places, located.reference + 3)):
         dx, dy = shrink_by(appearance.size) * appearance.path.between(located.reference, place)
         m = np.array([[1, 0, dx], [0, 1, dy]])
         found[place] = np.vstack([cv2.warpAffine(part, m, (w, h), flags=cv2.INTER_NEAREST) for part in parts])
     return found
+
+
+def _pixels(cells: Bool[np.ndarray, "rows cols"], cell: int, shape: tuple[int, int]) -> UInt8[np.ndarray, "h w"]:
+    """The pixels of some cells and of those about them."""
+    grown = cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8))
+    size = (cells.shape[1] * cell, cells.shape[0] * cell)
+    return cv2.resize(grown, size, interpolation=cv2.INTER_NEAREST)[: shape[0], : shape[1]]

@@ -82,7 +82,7 @@ def _strongest(channels: np.ndarray) -> np.ndarray:
     return cv2.max(cv2.max(blue, green), red)
 
 
-def aligned(picture: np.ndarray, pose: Float[np.ndarray, "3"], light: Float[np.ndarray, "4"]) -> np.ndarray:
+def aligned(picture: np.ndarray, pose: Float[np.ndarray, " 3"], light: Float[np.ndarray, " 4"]) -> np.ndarray:
     """The picture laid on its reference and lit like it: grey levels, shape and type of the picture."""
     h, w = picture.shape[:2]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -156,9 +156,7 @@ def evidence(band: Band, seen: np.ndarray, cell: int) -> Float[np.ndarray, "rows
     return found
 
 
-def outside(
-    pose: Float[np.ndarray, "3"], size: tuple[int, int], cell: int
-) -> Bool[np.ndarray, "rows cols"]:
+def outside(pose: Float[np.ndarray, " 3"], size: tuple[int, int], cell: int) -> Bool[np.ndarray, "rows cols"]:
     """Cells of the reference picture that the frame does not wholly show."""
     w, h = size
     rows, cols = -(-h // cell), -(-w // cell)

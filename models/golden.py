@@ -1,0 +1,174 @@
+"""One pass over the reference sweep: its places, what each shows, and how the picture moves from one to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+
+from models.errors import LearningError, PictureError
+from models.frame import Frame
+from models.preparation import Preparation
+from models.registration import NO_LIGHT, Prior, Registered, Template, choose_points, register, scan, smooth
+from models.scoring import is_blind
+from models.tolerance import levels
+
+THUMB = 80
+"""Pixels across the thumbnails that the eigenspace is learnt from."""
+_STILL = 0.005
+"""Share of the width by which a frame must have moved to be a place of its own."""
+_SAME, _FOLLOWS = 0.9, 0.3
+"""Agreement from which on a frame shows the place before it again; and at least continues it."""
+_STEADY = 0.02
+"""How much of its pace a steady camera gains or loses from frame to frame."""
+_UNEVEN = 0.25
+"""Median deviation of the travel per frame, as a share of it, up to which travel measures the way."""
+
+
+@dataclass
+class GoldenSweep:
+    """What the first pass over the reference sweep keeps of it."""
+
+    frames: list[int] = field(default_factory=list[int])
+    x: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    pictures: list[bytes] = field(default_factory=list[bytes])
+    points: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    motion: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    unsure: list[float] = field(default_factory=list[float])
+    """Standard deviation of the length of each motion, in pixels."""
+    times: list[int] = field(default_factory=list[int])
+    sequences: list[int] = field(default_factory=list[int])
+
+
+def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Preparation, GoldenSweep]:
+    """Read a reference sweep once; frames that show nothing, or no new place, are left out.
+
+    Raises LearningError where fewer than two places are left, PictureError where a picture does not fit the others.
+    """
+    kept = GoldenSweep()
+    first, preparation = None, Preparation()
+    before: tuple[Template, np.ndarray] | None = None
+    last = np.zeros(3)
+    for index, frame in enumerate(frames):
+        kept.times.append(frame.t_ns)
+        kept.sequences.append(frame.sequence)
+        if first is None:
+            first = frame.pixels
+            preparation = (wanted or default_preparation(frame.size)).bind(frame.size)
+        check_alike(first, frame, "the reference sweep")
+        smoothed = smooth(levels(frame.pixels))
+        if is_blind(smoothed):
+            continue
+        if before is not None:
+            moved = _moved(before, smoothed, last)
+            last = moved.pose
+            if _is_still(moved, smoothed.shape[1]):
+                continue
+            kept.motion.append(last[:2])
+            kept.unsure.append(_unsure(moved))
+        points = choose_points(smoothed)
+        before = (Template.of(smoothed, points), smoothed)
+        kept.frames.append(index)
+        kept.points.append(points)
+        kept.x.append(preparation.prepare(frame.pixels))
+        kept.pictures.append(_keep(frame))
+    _check_places(kept)
+    return preparation, kept
+
+
+def _check_places(kept: GoldenSweep) -> None:
+    if not kept.times:
+        raise LearningError("the reference sweep holds no frame; at least two that differ are needed")
+    if len(kept.x) < 2:
+        raise LearningError(
+            f"the reference sweep shows {len(kept.x)} place(s) in {len(kept.times)} frame(s): "
+            "pictures of one grey and standstills teach nothing; at least two places are needed"
+        )
+
+
+def default_preparation(size: tuple[int, int]) -> Preparation:
+    """A grey thumbnail some 80 pixels wide, of unit energy."""
+    shrink = max(size) / THUMB
+    if shrink <= 1:
+        return Preparation()
+    return Preparation(size=(max(1, round(size[0] / shrink)), max(1, round(size[1] / shrink))))
+
+
+def check_alike(pixels: np.ndarray, frame: Frame, where: str) -> None:
+    """Raises PictureError where a frame has another size or type than the pictures before it."""
+    if frame.pixels.shape != pixels.shape or frame.pixels.dtype != pixels.dtype:
+        raise PictureError(
+            f"frame {frame.sequence} of {where} is {described(frame.pixels)}, "
+            f"but the frames before it are {described(pixels)}; one size and type is allowed"
+        )
+
+
+def described(pixels: np.ndarray) -> str:
+    kind = "grey" if pixels.ndim == 2 else "colour"
+    return f"{pixels.shape[1]}x{pixels.shape[0]} {kind} {8 * pixels.dtype.itemsize} bit"
+
+
+def _moved(before: tuple[Template, np.ndarray], smoothed: np.ndarray, last: np.ndarray) -> Registered:
+    """The next frame on the place before it."""
+    template, old = before
+    h, w = old.shape
+    half = (w // 2, h // 2)
+    a, b = (cv2.resize(p, half, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (old, smoothed))
+    (dx, dy), _ = cv2.phaseCorrelate(a, b, cv2.createHanningWindow(half, cv2.CV_32F))
+    guesses = np.array([last, np.zeros(3), [2 * dx, 2 * dy, 0.0]])
+    reach = 0.25 * w
+    prior_pose = np.diag([reach**-2, reach**-2, 0.05**-2])
+    prior_light = np.diag(1 / np.square([0.2, 20.0, 0.1, 0.1]))
+    order = np.argsort(-scan(template, smoothed, guesses, NO_LIGHT))
+    tries = [
+        register(template, smoothed, Prior(guesses[i], prior_pose, NO_LIGHT, prior_light), steps=12) for i in order[:2]
+    ]
+    best = max(tries, key=lambda registered: registered.correlation)
+    return best if best.correlation >= _FOLLOWS else replace(best, pose=np.zeros(3))
+
+
+def _is_still(moved: Registered, width: int) -> bool:
+    """Whether a frame shows the place before it again."""
+    shift, turn = float(np.hypot(*moved.pose[:2])), abs(float(moved.pose[2]))
+    return moved.correlation > _SAME and shift < _STILL * width and turn < 2 * _STILL
+
+
+def _unsure(moved: Registered) -> float:
+    """Standard deviation of the length of a motion: large where little texture lies along it."""
+    way = moved.pose[:2]
+    along = way / max(float(np.hypot(*way)), 1e-6)
+    return float(np.sqrt(along @ moved.covariance[:2, :2] @ along)) if moved.correlation >= _FOLLOWS else np.inf
+
+
+def coordinates(golden: GoldenSweep) -> np.ndarray:
+    """Sweep coordinate of each place: the share of the way, or of the time where the way cannot be told.
+
+    Frames of a steady camera lie evenly in both, but the way does not mind an uneven pace. What moves in the picture
+    measures the way only where it moves by about as much from frame to frame; else s is the share of frames.
+    """
+    frames = np.array(golden.frames, float)
+    frames = (frames - frames[0]) / (frames[-1] - frames[0])
+    way, steps = np.hypot(*np.array(golden.motion).T), np.diff(golden.frames)
+    usual = float(np.median(way / steps))
+    uneven = float(np.median(np.abs(way / steps - usual)))
+    if usual <= 0 or uneven > _UNEVEN * usual:
+        return frames
+    # where texture is poor, the usual pace knows better than the picture
+    trust = 1 / (1 + np.square(np.array(golden.unsure) / (_STEADY * usual)))
+    way = usual * steps + trust * (way - usual * steps)
+    return np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
+
+
+def _keep(frame: Frame) -> bytes:
+    """The picture's own bytes where they can be decoded again to the same kind of picture; encoded otherwise."""
+    if frame.encoded is not None and frame.encoded.format in ("jpeg", "png"):
+        again = cv2.imdecode(np.frombuffer(frame.encoded.data, np.uint8), cv2.IMREAD_UNCHANGED)
+        if again is not None and again.shape == frame.pixels.shape and again.dtype == frame.pixels.dtype:
+            return frame.encoded.data
+    kind, quality = (".png", []) if frame.pixels.dtype == np.uint16 else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 95])
+    done, data = cv2.imencode(kind, frame.pixels, quality)
+    if not done:
+        raise PictureError(f"frame {frame.sequence}: {described(frame.pixels)} cannot be kept as {kind}")
+    return data.tobytes()
