@@ -154,9 +154,11 @@ class Appearance:
         for name, shape in shapes.items():
             if arrays[name].shape != shape:
                 raise AppearanceError(f"the appearance's {name} has shape {arrays[name].shape}, allowed is {shape}")
-        w, h = self.size
+        if len(self.excess) != n:
+            raise AppearanceError(f"the appearance holds {len(self.excess)} tolerances, allowed is one a place: {n}")
+        w, h = self.references.template_size
         if n < 2 or self.points.min() < w + 1 or self.points.max() >= w * (h - 1) - 1:
-            raise AppearanceError(f"the appearance's points lie outside of its {w}x{h} pictures")
+            raise AppearanceError(f"the appearance's points lie outside of its {w}x{h} templates")
         return self
 
 
@@ -165,8 +167,8 @@ def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     if data[: len(MAGIC)] != MAGIC:
         raise AppearanceError("not an appearance: it does not begin as one; `inspector learn` makes them")
     version = int.from_bytes(data[len(MAGIC) : start], "little")
-    if version > VERSION:
-        raise AppearanceError(f"the appearance has format version {version}; this program reads up to {VERSION}")
+    if not 1 <= version <= VERSION:
+        raise AppearanceError(f"the appearance has format version {version}; this program reads 1 to {VERSION}")
     payload = data[start + _HASH :]
     if hashlib.sha256(payload).digest() != data[start : start + _HASH]:
         raise AppearanceError("the appearance is damaged: its checksum does not fit; restore it, or learn again")

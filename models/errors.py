@@ -4,7 +4,8 @@ InspectionError                  root of everything this project raises on purpo
 ├── NumericError                 what `models` raises
 │   ├── PictureError             a picture that cannot be used: size, type, content
 │   ├── LearningError            golden sweeps that cannot be learnt from
-│   └── AppearanceError          a learnt file that cannot be trusted
+│   ├── AppearanceError          a learnt file that cannot be trusted
+│   └── PolicyError              a threshold outside of what it may be
 └── WorldError                   what `inspector` raises (inspector/errors.py)
 """
 
@@ -27,3 +28,7 @@ class LearningError(NumericError):
 
 class AppearanceError(NumericError):
     """A learnt file that is damaged, foreign or newer than this program."""
+
+
+class PolicyError(NumericError):
+    """A threshold outside of what it may be."""

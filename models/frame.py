@@ -52,3 +52,18 @@ class Frame:
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
         return self.pixels.shape[1], self.pixels.shape[0]
+
+    @property
+    def kind(self) -> str:
+        """Size, colour and depth: what all pictures of a sweep have in common."""
+        return kind_of(self.pixels)
+
+
+def kind_of(pixels: np.ndarray) -> str:
+    """Size, colour and depth of a picture, for people.
+
+    >>> kind_of(np.zeros((240, 320), np.uint8))
+    '320x240 grey 8 bit'
+    """
+    colour = "grey" if pixels.ndim == 2 else "colour"
+    return f"{pixels.shape[1]}x{pixels.shape[0]} {colour} {8 * pixels.dtype.itemsize} bit"

@@ -19,6 +19,8 @@ THUMB = 80
 """Pixels across the thumbnails that the eigenspace is learnt from."""
 _STILL = 0.005
 """Share of the width by which a frame must have moved to be a place of its own."""
+_POINTS = 12
+"""Fewer cannot tell shift, rotation and light apart."""
 _SAME, _FOLLOWS = 0.9, 0.3
 """Agreement from which on a frame shows the place before it again; and at least continues it."""
 _STEADY = 0.02
@@ -48,16 +50,16 @@ def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepar
     Raises LearningError where fewer than two places are left, PictureError where a picture does not fit the others.
     """
     kept = GoldenSweep()
-    first, preparation = None, Preparation()
+    kind, preparation = "", Preparation()
     before: tuple[Template, np.ndarray] | None = None
     last = np.zeros(3)
     for index, frame in enumerate(frames):
         kept.times.append(frame.t_ns)
         kept.sequences.append(frame.sequence)
-        if first is None:
-            first = frame.pixels
+        if not kind:
+            kind = frame.kind
             preparation = (wanted or default_preparation(frame.size)).bind(frame.size)
-        check_alike(first, frame, "the reference sweep")
+        check_alike(kind, frame, "the reference sweep")
         smoothed = smooth(levels(frame.pixels))
         if is_blind(smoothed):
             continue
@@ -69,6 +71,8 @@ def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepar
             kept.motion.append(last[:2])
             kept.unsure.append(_unsure(moved))
         points = choose_points(smoothed)
+        if len(points) < _POINTS:
+            raise LearningError(f"pictures of {kind} are too small; at least some 24x18 pixels are needed")
         before = (Template.of(smoothed, points), smoothed)
         kept.frames.append(index)
         kept.points.append(points)
@@ -96,18 +100,13 @@ def default_preparation(size: tuple[int, int]) -> Preparation:
     return Preparation(size=(max(1, round(size[0] / shrink)), max(1, round(size[1] / shrink))))
 
 
-def check_alike(pixels: np.ndarray, frame: Frame, where: str) -> None:
-    """Raises PictureError where a frame has another size or type than the pictures before it."""
-    if frame.pixels.shape != pixels.shape or frame.pixels.dtype != pixels.dtype:
+def check_alike(kind: str, frame: Frame, where: str) -> None:
+    """Raises PictureError where a frame is of another kind than the pictures before it."""
+    if frame.kind != kind:
         raise PictureError(
-            f"frame {frame.sequence} of {where} is {described(frame.pixels)}, "
-            f"but the frames before it are {described(pixels)}; one size and type is allowed"
+            f"frame {frame.sequence} of {where} is {frame.kind}, "
+            f"but the frames before it are {kind}; one size and type is allowed"
         )
-
-
-def described(pixels: np.ndarray) -> str:
-    kind = "grey" if pixels.ndim == 2 else "colour"
-    return f"{pixels.shape[1]}x{pixels.shape[0]} {kind} {8 * pixels.dtype.itemsize} bit"
 
 
 def _moved(before: tuple[Template, np.ndarray], smoothed: np.ndarray, last: np.ndarray) -> Registered:
@@ -170,5 +169,5 @@ def _keep(frame: Frame) -> bytes:
     kind, quality = (".png", []) if frame.pixels.dtype == np.uint16 else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 95])
     done, data = cv2.imencode(kind, frame.pixels, quality)
     if not done:
-        raise PictureError(f"frame {frame.sequence}: {described(frame.pixels)} cannot be kept as {kind}")
+        raise PictureError(f"frame {frame.sequence}: {frame.kind} cannot be kept as {kind}")
     return data.tobytes()

@@ -60,14 +60,13 @@ def begin(appearance: Appearance, policy: Policy | None = None) -> Inspection:
 
 
 def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]:
-    """Score one frame. Raises PictureError for a picture of another size, and then nothing has changed."""
+    """Score one frame. Raises PictureError for a picture of another kind, and then nothing has changed."""
     appearance, policy = inspection.appearance, inspection.policy
-    size, colour = appearance.size, appearance.references.colour
-    if frame.size != size or (frame.pixels.ndim == 3) != colour:
-        kind = ["grey", "colour"]
+    kind = appearance.references.kind
+    if frame.kind != kind:
         raise PictureError(
-            f"frame {frame.sequence} is {frame.size[0]}x{frame.size[1]} {kind[frame.pixels.ndim == 3]}, "
-            f"the appearance was learnt from {size[0]}x{size[1]} {kind[colour]}; nothing else can be compared"
+            f"frame {frame.sequence} is {frame.kind}, the appearance was learnt from {kind}; "
+            "nothing else can be compared"
         )
     limits = replace(appearance.limits, factor=appearance.limits.factor / policy.sensitivity)
     memory, shown = look(appearance, limits, inspection.memory, frame)

@@ -64,9 +64,18 @@ def _verdict(
     if peak.score >= 1.0 - policy.review_margin:
         near = f"near the limit: score {peak.score:.2f} at s = {peak.s:.3f} (frame {peak.index})"
         return Judgement.REVIEW, (*told, near)
+    if _runs_backwards(scored):
+        return Judgement.REVIEW, (*told, "the sweep ran backwards: other than learnt")
     if found:
         return Judgement.REVIEW, told
     return Judgement.OK, (f"all places within tolerance: highest score {peak.score:.2f} at s = {peak.s:.3f}",)
+
+
+def _runs_backwards(scored: Sequence[ScoredFrame]) -> bool:
+    """Whether most of the way was swept from its end to its beginning."""
+    places = np.array([frame.s for frame in scored], float)
+    way = np.diff(places)
+    return float(-way[way < 0].sum()) > float(way[way > 0].sum())
 
 
 def _why_invalid(frames: Sequence[ScoredFrame], scored: Sequence[ScoredFrame]) -> str:
@@ -140,11 +149,12 @@ def _closed(run: list[ScoredFrame], kind: str, place: float) -> list[Deviation]:
     if height < 1.0 or (kind != "appearance" and len(run) < _FEW):
         return []
     places = [frame.s for frame in run if frame.s is not None]
+    end = min(1.0, max(places) + place)
     regions: tuple[Region, ...] = peak.regions if kind == "appearance" else ()
     return [
         Deviation(
-            min(places),
-            max(places) + place,
+            min(min(places), end - place),
+            end,
             run[0].index,
             run[-1].index + 1,
             kind,

@@ -139,10 +139,10 @@ def _varied(picture: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float
 def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appearance]:
     """Add what a further golden sweep shows beyond the band; and the highest score it had before that."""
     excess = dict(enumerate(appearance.excess))
-    first = unpack(appearance.pictures[0])
+    kind = appearance.references.kind
     memory, peak, scored = remember(appearance), 0.0, 0
     for frame in frames:
-        check_alike(first, frame, "a further golden sweep")
+        check_alike(kind, frame, "a further golden sweep")
         memory, shown = look(appearance, appearance.limits, memory, frame)
         if shown is None or shown.score is None:
             continue

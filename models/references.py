@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Int
 
 from models.errors import AppearanceError
+from models.frame import kind_of
 from models.registration import Template, smooth
 from models.tolerance import Band, cell_size, levels
 
@@ -34,7 +35,7 @@ class Reference:
 
 def unpack(data: bytes) -> np.ndarray:
     """The pixels of a picture that an appearance keeps, JPEG or PNG: (h, w) or (h, w, 3), uint8 or uint16."""
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if picture is None:
         raise AppearanceError(f"a picture of {len(data)} bytes cannot be decoded; allowed are JPEG and PNG")
     return picture
@@ -50,7 +51,8 @@ class References:
         self._pictures, self._points, self._excess = pictures, points, excess
         first = unpack(pictures[0])
         self.size = (first.shape[1], first.shape[0])
-        self.colour = first.ndim == 3
+        self.template_size = smooth(levels(first)).shape[::-1]
+        self.kind = kind_of(first)
         self.cell = cell_size(self.size)
         each = first.nbytes * (3 + 2 * any(excess)) + self._points.shape[1] * 48
         self.get = lru_cache(maxsize=max(4, _HELD_BYTES // each))(self._get)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -25,6 +24,8 @@ _LINES = (
     np.eye(7, dtype=np.uint8)[::-1].copy(),
 )
 _THICK = np.ones((4, 4), np.uint8)
+_STILL_AN_EDGE = np.float32(0.6)
+"""Share of its contrast that an edge which only strayed must still have."""
 _SLIGHT = 8
 """Grey levels of excess not worth forgiving."""
 _GROW = np.ones((3, 3), np.uint8)
@@ -65,7 +66,7 @@ class Band:
         spread = spread if spread.ndim == 2 else _strongest(spread)
         contrast = cv2.blur(cv2.dilate(_whole(spread.astype(np.float32), reference.shape, cell), _GROW), (3, 3))
         if excess is not None:
-            grown = [cv2.dilate(part, _GROW) for part in excess]
+            grown = [cv2.dilate(part, _GROW).astype(reference.dtype) for part in excess]
             high, low = cv2.add(high, grown[BRIGHT]), cv2.subtract(low, grown[DARK])
         return cls(reference, low, high, contrast)
 
@@ -109,31 +110,33 @@ def beyond(band: Band, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     bright, dark = cv2.subtract(seen, band.high), cv2.subtract(band.low, seen)
     if seen.dtype != np.uint8:
         bright, dark = np.maximum(bright, 0), np.maximum(dark, 0)
-    return (
-        _forgiven(bright, lambda box: cv2.subtract(seen[box], cv2.dilate(band.reference, _FAR)[box])),
-        _forgiven(dark, lambda box: cv2.subtract(cv2.erode(band.reference, _FAR)[box], seen[box])),
-    )
+    return _forgiven(bright, band.reference, seen, BRIGHT), _forgiven(dark, band.reference, seen, DARK)
 
 
-def _forgiven(excess: np.ndarray, far: Callable[[tuple[slice, slice]], np.ndarray]) -> np.ndarray:
+def _forgiven(excess: np.ndarray, reference: np.ndarray, seen: np.ndarray, polarity: int) -> np.ndarray:
     """Excess without edges that stray: thin, long and close beside an edge, as etching and wear move them.
 
-    `far` gives what lies beyond even a wide band. What is thick, short, or away from edges stays; that is where
-    notches, spurs, spots and scratches are.
+    What is thick, short, or away from edges stays: notches, spurs, spots and scratches. So does what lies where the
+    reference shows an edge and the frame shows none: that edge has not strayed, it is missing.
     """
     marked = (excess if excess.ndim == 2 else _strongest(excess)) >= _SLIGHT
     x, y, w, h = cv2.boundingRect(marked.view(np.uint8))
     if w < _LINE and h < _LINE:
         return excess
-    rim = _LINE
-    box = slice(max(0, y - rim), y + h + rim), slice(max(0, x - rim), x + w + rim)
-    part = excess[box]
+    box = slice(max(0, y - _LINE), y + h + _LINE), slice(max(0, x - _LINE), x + w + _LINE)
+    part, expected, actual = excess[box], reference[box], seen[box]
+    dark, bright = cv2.erode(expected, _FAR), cv2.dilate(expected, _FAR)
+    far = cv2.subtract(actual, bright) if polarity == BRIGHT else cv2.subtract(dark, actual)
     lines = cv2.morphologyEx(part, cv2.MORPH_OPEN, _LINES[0])
     for line in _LINES[1:]:
         lines = cv2.max(lines, cv2.morphologyEx(part, cv2.MORPH_OPEN, line))
-    thick = cv2.morphologyEx(part, cv2.MORPH_OPEN, _THICK)
+    there = cv2.subtract(cv2.dilate(actual, _FAR), cv2.erode(actual, _FAR))
+    missing = there < _STILL_AN_EDGE * cv2.subtract(bright, dark).astype(np.float32)
+    lines[missing] = 0
+    # even sides have no middle: what eroding shifts, dilating must shift back
+    thick = cv2.min(part, cv2.dilate(cv2.erode(part, _THICK, anchor=(2, 2)), _THICK, anchor=(1, 1)))
     forgiven = excess.copy()
-    forgiven[box] = cv2.max(cv2.max(cv2.subtract(part, lines), thick), cv2.min(part, far(box)))
+    forgiven[box] = cv2.max(cv2.max(cv2.subtract(part, lines), thick), cv2.min(part, far))
     return forgiven
 
 

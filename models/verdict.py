@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from models.errors import PolicyError
+
 
 class FrameState(StrEnum):
     """What could be said of one frame."""
@@ -31,6 +33,15 @@ class Judgement(StrEnum):
     INVALID = "INVALID"
 
 
+_ALLOWED = {
+    "sensitivity": (0.01, 100.0),
+    "review_margin": (0.0, 1.0),
+    "hysteresis": (0.0, 1.0),
+    "coverage": (0.0, 1.0),
+    "invalid_share": (0.0, 1.0),
+}
+
+
 @dataclass(frozen=True)
 class Policy:
     """Thresholds, apart from what was learnt; changed without learning again."""
@@ -45,6 +56,12 @@ class Policy:
     """Share of the sweep that must have been scored; less is INCOMPLETE."""
     invalid_share: float = 0.5
     """More than this share of frames without a known place (or blind) is INVALID."""
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in _ALLOWED.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise PolicyError(f"{name} is {value}, allowed are {low} to {high}")
 
 
 @dataclass(frozen=True)
