@@ -61,13 +61,13 @@ def _verdict(
     if wrong:
         return Judgement.NG, told
     peak = max(scored, key=lambda frame: frame.score)
-    if peak.score >= 1.0 - policy.review_margin:
-        near = f"near the limit: score {peak.score:.2f} at s = {peak.s:.3f} (frame {peak.index})"
-        return Judgement.REVIEW, (*told, near)
+    doubts = [*told]
     if _runs_backwards(scored):
-        return Judgement.REVIEW, (*told, "the sweep ran backwards: other than learnt")
-    if found:
-        return Judgement.REVIEW, told
+        doubts.append("the sweep ran backwards: other than learnt")
+    if peak.score >= 1.0 - policy.review_margin:
+        doubts.append(f"near the limit: score {peak.score:.2f} at s = {peak.s:.3f} (frame {peak.index})")
+    if doubts:
+        return Judgement.REVIEW, tuple(doubts)
     return Judgement.OK, (f"all places within tolerance: highest score {peak.score:.2f} at s = {peak.s:.3f}",)
 
 
@@ -153,7 +153,7 @@ def _closed(run: list[ScoredFrame], kind: str, place: float) -> list[Deviation]:
     regions: tuple[Region, ...] = peak.regions if kind == "appearance" else ()
     return [
         Deviation(
-            min(min(places), end - place),
+            min(*places, end - place),
             end,
             run[0].index,
             run[-1].index + 1,

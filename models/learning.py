@@ -24,6 +24,12 @@ from models.tolerance import levels
 
 K = 32
 """Dimensions: enough to tell places apart; what is wrong with a part is not looked for here."""
+_NEARLY_ALL = 0.98
+"""Share of its frames that a golden sweep is judged by: a glitch or two says nothing of parts."""
+_DOUBTFUL = 1.5
+"""A frame that leaves this much more unexplained than usual may be misplaced, and widens nothing."""
+_MOST = 5.0
+"""Golden sweeps that differ by more than this, in units of the limit, would make the appearance blind."""
 _MARGIN = 1.25
 """How far above what golden sweeps reached the limit is set."""
 _SENSOR = 0.5
@@ -55,6 +61,11 @@ def learn(
     if peaks:
         # each sweep is scored against what was learnt before it: the last ones tell what is still to be expected
         reached = float(np.median(peaks[-3:]))
+        if reached > _MOST:
+            raise LearningError(
+                f"the further golden sweeps differ from the reference sweep by {reached:.1f} times what is allowed "
+                f"(at the most {_MOST}): is one of these parts defective, or another product?"
+            )
         limits = Limits(factor=max(1.0, _MARGIN * reached), good_peak=max(peaks))
         appearance = replace(appearance, limits=limits)
     if progress:
@@ -137,25 +148,29 @@ def _varied(picture: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float
 
 
 def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appearance]:
-    """Add what a further golden sweep shows beyond the band; and the highest score it had before that."""
+    """Add what a further golden sweep shows beyond the band; and how high its frames scored before that."""
     excess = dict(enumerate(appearance.excess))
     kind = appearance.references.kind
-    memory, peak, scored = remember(appearance), 0.0, 0
+    memory, scores = remember(appearance), list[float]()
     for frame in frames:
         check_alike(kind, frame, "a further golden sweep")
+        usual = memory.trail.residual
         memory, shown = look(appearance, appearance.limits, memory, frame)
         if shown is None or shown.score is None:
             continue
-        scored += 1
-        peak = max(peak, float(shown.score.max()))
+        scores.append(float(shown.score.max()))
+        if usual is not None and shown.located.registered.residual > _DOUBTFUL * usual:
+            continue
         for place, picture in spread_beyond(appearance, levels(frame.pixels), shown).items():
             excess[place] = _merged(excess[place], picture)
-    if scored < _FITS * appearance.places:
+    if len(scores) < _FITS * appearance.places:
         raise LearningError(
-            f"a further golden sweep fits the reference sweep in {scored} of {appearance.places} places; "
+            f"a further golden sweep fits the reference sweep in {len(scores)} of {appearance.places} places; "
             "is it the same product, swept the same way?"
         )
-    return peak, replace(appearance, excess=tuple(excess[i] for i in range(appearance.places)))
+    return float(np.quantile(scores, _NEARLY_ALL)), replace(
+        appearance, excess=tuple(excess[i] for i in range(appearance.places))
+    )
 
 
 def _merged(old: bytes, picture: np.ndarray) -> bytes:

@@ -24,6 +24,8 @@ _LEAP, _PATIENT = 4.0, 4
 """A frame this many places off is believed where it fits as well as usual, or after so many that did not fit."""
 _GIVE_UP = 8
 """Frames that agree with nothing, after which the fixture is forgotten."""
+_RICH, _CLEARLY = 5.0, 0.97
+"""Detail in grey levels, and agreement on it, that leave no doubt, however much a part differs from the golden one."""
 _FITS, _FITS_USUAL, _USUAL, _GRAIN = 0.8, 0.6, 1.3, 0.7
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
@@ -141,20 +143,19 @@ def _fits(model: Template, registered: Registered, usual: float | None) -> bool:
     A part with much wrong about it agrees less, but leaves no more unexplained at the points that are right.
     """
     expected = model.detail / float(np.hypot(model.detail, _GRAIN))
-    if usual is None:
+    if usual is None or (model.detail > _RICH and registered.correlation >= _CLEARLY):
         return registered.correlation >= _FITS * expected
     if registered.residual <= _USUAL * usual:
         return registered.correlation >= _FITS_USUAL * expected
     return registered.correlation >= _FITS * expected and registered.residual <= max(2.0 * usual, usual + 1.0)
 
 
-def _rivals(trail: Trail, best: Standing) -> list[Fixture]:
+def _rivals(old: Fixture, best: Standing) -> list[Fixture]:
     """Where else the frame could be: not moved on, or where the eigenspace would have it."""
-    offset = np.zeros(3) if trail.fixture is None else trail.fixture.offset
-    rivals = [] if trail.fixture is None else [trail.fixture.halted()]
+    rivals = [old.halted()]
     for at in (best.at, *best.others):
-        rivals.append(Fixture.unknown(at, best.pace, offset))
-        if np.abs(offset[:2]).max() > 2:
+        rivals.append(Fixture.unknown(at, best.pace, old.offset))
+        if np.abs(old.offset[:2]).max() > 2:
             rivals.append(Fixture.unknown(at, best.pace))
     return rivals
 
@@ -178,18 +179,24 @@ def locate(
     places = move(guide.track, trail.places, z, waited, np.zeros(3) if old is None else old.offset)
     best = standing(places)
     if old is None or expected is None:
-        attempt = _search(scene, Fixture.unknown(best.at, best.pace))
+        attempt = _anywhere(scene, best)
     elif attempt is None or not attempt.fits or _worse(trail, attempt):
         attempt = _better(attempt, _search(scene, expected, old.halted()))
     apart = abs(best.at - attempt.fixture.at) > _APART and best.margin > _CERTAIN
     rivalry = trail.rivalry + 1 if apart else 0
-    if not attempt.fits or _worse(trail, attempt) or rivalry >= _INSISTS:
-        for rival in _rivals(trail, best):
+    if old is not None and (not attempt.fits or _worse(trail, attempt) or rivalry >= _INSISTS):
+        for rival in _rivals(old, best):
             other = _better(attempt, _search(scene, rival), _leaps(trail, expected))
             attempt, rivalry = other, rivalry if other is attempt else 0
     if attempt.fits and not _worse(trail, attempt):
         places = vouch(places, attempt.fixture.at, 2.0)
     return _placed(trail, path, attempt, expected, replace(trail, places=places, waited=0.0, rivalry=rivalry))
+
+
+def _anywhere(scene: _Scene, best: Standing) -> _Attempt:
+    """Where the sweep begins, or goes on after it was lost: of all the places that look alike, the one that fits best."""
+    attempts = [_search(scene, Fixture.unknown(at, best.pace)) for at in (best.at, *best.others)]
+    return min(attempts, key=lambda attempt: (not attempt.fits, attempt.registered.residual))
 
 
 def _worse(trail: Trail, attempt: _Attempt) -> bool:

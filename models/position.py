@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 _STEPS = np.arange(-2, 9)
 """How many places a frame may lie from the one before: two back, eight ahead."""
+_RIVALS = 3
 _LOST = 24.0
 """Cost of a jump to anywhere: what a chain may be worse than a fresh start."""
 _CAP = 16.0
@@ -187,7 +188,7 @@ def standing(places: Places) -> Standing:
     rest[max(0, i - 3) : i + 4] = np.inf
     others: list[int] = []
     margin = float(rest.min())
-    for _ in range(2):
+    for _ in range(_RIVALS):
         j = int(rest.argmin())
         if not np.isfinite(rest[j]):
             break

@@ -85,7 +85,7 @@ def choose_points(smoothed: np.ndarray) -> Int[np.ndarray, " n"]:
     steep = (gx * gx + gy * gy)[top : top + rows * side, left : left + cols * side]
     cells = steep.reshape(rows, side, cols, side).transpose(0, 2, 1, 3).reshape(rows, cols, side * side)
     best = np.asarray(cells.argmax(axis=2), np.int64)
-    down, across = np.divmod(best, side)
+    down, across = best // side, best % side
     y = down + top + side * np.arange(rows)[:, None]
     x = across + left + side * np.arange(cols)[None, :]
     return (y * w + x).ravel().astype(np.int32)
