@@ -71,13 +71,7 @@ def test_every_kind_of_picture_comes_back(view: View):
     assert Appearance.from_bytes(data).to_bytes() == data
 
 
-LARGE = pytest.mark.xfail(strict=True, reason="points of the shrunk picture are checked against the size of the whole")
-
-
-@pytest.mark.parametrize(
-    "size",
-    [(640, 480), (1280, 960), pytest.param((1280, 720), marks=LARGE), pytest.param((1920, 1080), marks=LARGE)],
-)
+@pytest.mark.parametrize("size", [(640, 480), (1280, 960), (1280, 720), (1920, 1080)])
 def test_pictures_of_every_size_come_back(size: tuple[int, int]):
     pictures = (cv2.resize(shot(surface(), FIRST + STEP * at), size) for at in range(3))
     data = learn([[frame(picture, i) for i, picture in enumerate(pictures)]]).to_bytes()
@@ -118,12 +112,7 @@ def accepted(positions: list[int]) -> list[tuple[int, int]]:
 
 
 def test_a_single_flipped_bit_is_refused():
-    assert accepted([position for position in flips() if position != len(MAGIC)]) == []
-
-
-@pytest.mark.xfail(strict=True, reason="version 0 passes as version 1: nothing but a newer version is refused")
-def test_a_single_flipped_bit_in_the_version_is_refused():
-    assert accepted([len(MAGIC)]) == []
+    assert accepted(flips()) == []
 
 
 @given(share=st.floats(0, 1, exclude_max=True))
@@ -197,7 +186,7 @@ def test_an_array_of_another_shape_is_refused_by_its_name(name: str):
         used(forged(lambda arrays: arrays.update({name: arrays[name][:-1]})))
 
 
-@pytest.mark.parametrize("value", [-1, 0, 2**31 - 1])
+@pytest.mark.parametrize("value", [-1, 0, 160, 160 * 119 - 1, 2**31 - 1])
 def test_points_outside_of_the_pictures_are_refused(value: int):
     with pytest.raises(AppearanceError, match="points"):
         used(forged(lambda arrays: arrays.update(points=np.full_like(arrays["points"], value))))
@@ -215,18 +204,12 @@ def without(name: str) -> bytes:
 
 def test_an_array_that_holds_nothing_is_refused():
     # one golden sweep leaves `excess` empty anyway
-    for name in sorted(set(load(kept()[PAYLOAD:])) - {"excess", "excess.ends", "pictures"}):
+    for name in sorted(set(load(kept()[PAYLOAD:])) - {"excess"}):
         with pytest.raises(AppearanceError):
             used(without(name))
 
 
-@pytest.mark.xfail(strict=True, reason="nothing compares the number of `excess` with that of the places")
-def test_excess_for_fewer_places_is_refused():
-    with pytest.raises(AppearanceError):
-        used(forged(lambda arrays: arrays.update({"excess.ends": arrays["excess.ends"][:-1]})))
-
-
-@pytest.mark.xfail(strict=True, reason="cv2.imdecode raises where there is no byte")
-def test_pictures_that_hold_nothing_are_refused():
-    with pytest.raises(AppearanceError):
-        used(without("pictures"))
+@pytest.mark.parametrize("count", [11, 13])
+def test_tolerances_for_another_number_of_places_are_refused(count: int):
+    with pytest.raises(AppearanceError, match=f"{count} tolerances, allowed is one a place: 12"):
+        used(forged(lambda arrays: arrays.update({"excess.ends": np.zeros(count, np.int64)})))

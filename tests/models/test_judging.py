@@ -132,7 +132,7 @@ def test_deviations_are_ordered_disjoint_and_hold_every_frame_at_the_limit(
         assert min(inside[0], inside[-1]) >= low
         assert d.index_start <= d.peak_index < d.index_end
         assert d.s_start <= frames[d.peak_index].s <= d.s_end
-        assert 0 <= d.s_start <= d.s_end <= 1 + S[1] + 1e-9
+        assert 0 <= d.s_start < d.s_end <= 1
 
 
 def test_a_deviation_of_several_frames_has_an_extent():
@@ -140,9 +140,15 @@ def test_a_deviation_of_several_frames_has_an_extent():
     assert found.s_start < found.s_end
 
 
-def test_a_deviation_of_a_single_frame_has_an_extent():
-    (found,) = deviations(sweep(f40=2))
-    assert found.s_start < found.s_end
+@pytest.mark.parametrize("at", [0, 1, 40, N - 2])
+def test_a_deviation_of_a_single_frame_reaches_to_the_next_place(at: int):
+    (found,) = deviations(sweep(**{f"f{at}": 2.0}))
+    assert (found.s_start, found.s_end) == (pytest.approx(S[at]), pytest.approx(S[at + 1]))
+
+
+def test_a_deviation_in_the_last_frame_ends_with_the_sweep_and_has_an_extent():
+    (found,) = deviations(sweep(**{f"f{N - 1}": 2.0}))
+    assert (found.s_start, found.s_end) == (pytest.approx(S[-2]), 1.0)
 
 
 def test_kinds_are_told_apart():
@@ -183,6 +189,37 @@ def test_a_gap_costs_its_share_of_the_coverage_and_is_told(gap: int):
 def test_a_sweep_backwards_covers_what_a_sweep_forwards_covers():
     frames = [replace(f, s=1 - f.s) for f in sweep()]
     assert judged(frames).coverage == 1
+
+
+def backwards(frames: list[ScoredFrame]) -> list[ScoredFrame]:
+    """The same scores in the same places, from the end to the beginning."""
+    return [replace(f, index=i) for i, f in enumerate(reversed(frames))]
+
+
+@pytest.mark.parametrize(
+    ("frames", "verdict"),
+    [
+        (backwards(sweep()), Judgement.REVIEW),
+        (backwards([scored(i, timing=1.2) for i in range(N)]), Judgement.REVIEW),
+        (backwards(sweep(f20=0.95)), Judgement.REVIEW),
+        (backwards(sweep(f20=3.0)), Judgement.NG),
+        (backwards(sweep()[:66]), Judgement.INCOMPLETE),
+    ],
+    ids=["good", "at a wrong pace", "near the limit", "with a defect", "not all of it"],
+)
+def test_a_sweep_backwards_is_for_review_where_nothing_weighs_more(frames: list[ScoredFrame], verdict: Judgement):
+    result = judged(frames)
+    assert result.verdict is verdict
+    assert any("ran backwards" in reason for reason in result.reasons) is (verdict is Judgement.REVIEW)
+
+
+@given(turns=st.tuples(st.integers(20, N - 2), st.integers(1, 18)))
+@MANY
+def test_a_sweep_that_went_back_for_a_while_is_none_backwards(turns: tuple[int, int]):
+    turn, back = turns
+    way = [*range(turn), *range(turn, turn - back, -1), *range(turn - back, N)]
+    result = judged([replace(scored(at, 0.1), index=i) for i, at in enumerate(way)])
+    assert result.verdict is Judgement.OK
 
 
 @pytest.mark.parametrize(

@@ -145,18 +145,17 @@ def test_a_further_sweep_of_other_pictures_is_refused(first: View, then: View):
         learn([swept(surface(), SHORT, first), swept(surface(), SHORT, then)])
 
 
-NO_POINT = pytest.mark.xfail(strict=True, reason="LinAlgError: too few points for a template")
+@pytest.mark.parametrize("size", [(5, 5), (8, 6), (12, 10), (16, 12), (400, 4), (4, 100)])
+def test_tiny_pictures_are_refused_with_what_is_needed(size: tuple[int, int]):
+    with pytest.raises(LearningError, match=f"{size[0]}x{size[1]} grey 8 bit are too small; at least some 24x18"):
+        learn([swept(surface(), SHORT, View(size=size))])
 
 
-@pytest.mark.parametrize(
-    "size", [(16, 12), (40, 30), pytest.param((8, 6), marks=NO_POINT), pytest.param((12, 10), marks=NO_POINT)]
-)
-def test_tiny_pictures_are_learnt_or_refused(size: tuple[int, int]):
-    try:
-        learnt = learn([swept(surface(), SHORT, View(size=size))])
-    except (LearningError, PictureError):
-        return
-    assert learnt.size == size
+@pytest.mark.parametrize("size", [(24, 18), (40, 30)])
+def test_small_pictures_are_learnt_and_inspected(size: tuple[int, int]):
+    learnt = learn([swept(surface(), SHORT, View(size=size))])
+    assert (learnt.size, learnt.places) == (size, len(SHORT))
+    assert inspected(learnt, swept(surface(), SHORT, View(size=size, seed=3)))[0].verdict is Judgement.OK
 
 
 @pytest.mark.parametrize("view", [View(), View(colour=True), View(deep=True)], ids=["grey", "colour", "deep"])
@@ -178,6 +177,13 @@ def test_what_a_further_golden_sweep_shows_is_allowed_from_then_on():
     assert peaks[0] > 1
     assert peaks[1] < 0.3 * peaks[0]
     assert two.limits.good_peak > 1
+
+
+def test_golden_sweeps_that_differ_by_a_plain_defect_are_refused():
+    ats = places(last=25)
+    marked = with_spot(surface(), 160, 110, 14, 120)
+    with pytest.raises(LearningError, match=r"differ from the reference sweep by \d+\.\d times what is allowed"):
+        learn([swept(surface(), ats), swept(marked, ats, View(seed=1))])
 
 
 def test_pictures_are_kept_as_they_came():

@@ -164,10 +164,10 @@ def test_the_misfit_of_a_good_look_is_about_one_and_grows_with_the_distance():
 
 def test_the_margin_is_the_cost_of_the_best_place_elsewhere():
     cost = np.full(N, 30.0)
-    cost[[50, 52, 90, 140]] = [0, 1, 7, 4]
+    cost[[20, 50, 52, 90, 140]] = [9, 0, 1, 7, 4]
     found = standing(Places(cost, np.arange(N) + 0.25, np.full(N, 1.1)))
     assert (found.index, found.at, found.pace, found.margin) == (50, 50.25, 1.1, 4)
-    assert found.others == (140, 90)
+    assert found.others == (140, 90, 20)
 
 
 def test_a_place_vouched_for_stays_and_others_become_costlier():

@@ -70,6 +70,19 @@ def test_the_sweep_coordinate_is_the_true_one(options: str):
     assert sum(within) >= 0.97 * len(part.truth)
 
 
+def test_a_golden_sweep_of_uneven_pace_with_a_pause_gives_the_true_coordinate_too():
+    with open_camera(f"{LINE}&unit=1&seed=11&pace=0.1&pause=10") as camera:
+        state = begin(learn([camera.frames()]))
+    with open_camera(f"{LINE}&unit=3&seed=13") as camera:
+        assert isinstance(camera, SimulatedCamera)
+        for frame in camera.frames():
+            state, _ = step(state, frame)
+        truth = camera.truth()
+    off = [abs(f.s - t.s) * 49 for f, t in zip(state.frames, truth, strict=True) if f.s is not None]
+    assert len(off) >= 0.95 * len(truth)
+    assert max(off) < 1
+
+
 @pytest.mark.parametrize("kind", DEFECTS)
 def test_a_defective_part_is_ng_at_the_defect(kind: str):
     number = DEFECTS.index(kind)
@@ -79,7 +92,7 @@ def test_a_defective_part_is_ng_at_the_defect(kind: str):
     assert any(lies_on_defect(deviation, part.truth) for deviation in found)
     shown = [frame.s for frame in part.truth if frame.defects]
     for deviation in found:
-        assert min(shown) - 0.05 < deviation.s_start <= deviation.s_end < max(shown) + 0.07
+        assert min(shown) - 0.05 < deviation.s_start < deviation.s_end < max(shown) + 0.07
 
 
 def test_two_defects_are_two_places():
