@@ -17,12 +17,12 @@ class Limits:
     sweeps raise that by `factor` where they themselves went beyond it.
 
     >>> Limits().threshold(np.array([[0.0, 100.0]]))
-    array([[ 5., 17.]])
+    array([[ 5.5, 19. ]])
     """
 
-    floor: float = 5.0
+    floor: float = 5.5
     """Grey levels."""
-    share: float = 0.12
+    share: float = 0.135
     """Of the local contrast."""
     factor: float = 1.0
     """From golden sweeps beyond the first: what they reached, with a margin, never below 1."""

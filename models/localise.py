@@ -83,6 +83,8 @@ class _Attempt:
     reference: int
     registered: Registered
     fits: bool
+    clear: bool
+    """It fits beyond doubt: rich detail, and agreement on nearly all of it."""
 
 
 def _light(model: Template, smoothed: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -116,7 +118,8 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
     far = scene.trail.fixture is None or guess.uncertainty > _SURE
     registered = register(model, scene.smoothed, prior, STEPS_FAR if far else STEPS)
     fixture = guess.measure(reference, registered.pose, registered.covariance + _POSE_FLOOR, path)
-    return _Attempt(fixture, reference, registered, _fits(model, registered, scene.trail.residual))
+    clear = model.detail > _RICH and registered.correlation >= _CLEARLY
+    return _Attempt(fixture, reference, registered, clear or _fits(model, registered, scene.trail.residual), clear)
 
 
 def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _Attempt:
@@ -143,7 +146,7 @@ def _fits(model: Template, registered: Registered, usual: float | None) -> bool:
     A part with much wrong about it agrees less, but leaves no more unexplained at the points that are right.
     """
     expected = model.detail / float(np.hypot(model.detail, _GRAIN))
-    if usual is None or (model.detail > _RICH and registered.correlation >= _CLEARLY):
+    if usual is None:
         return registered.correlation >= _FITS * expected
     if registered.residual <= _USUAL * usual:
         return registered.correlation >= _FITS_USUAL * expected
@@ -194,7 +197,7 @@ def locate(
 
 
 def _anywhere(scene: _Scene, best: Standing) -> _Attempt:
-    """Where the sweep begins, or goes on after it was lost: of all the places that look alike, the one that fits best."""
+    """Where the sweep begins, or goes on after it was lost: the one that fits best of all that look alike."""
     attempts = [_search(scene, Fixture.unknown(at, best.pace)) for at in (best.at, *best.others)]
     return min(attempts, key=lambda attempt: (not attempt.fits, attempt.registered.residual))
 
@@ -202,7 +205,7 @@ def _anywhere(scene: _Scene, best: Standing) -> _Attempt:
 def _worse(trail: Trail, attempt: _Attempt) -> bool:
     """Whether more is left unexplained than usual: perhaps the picture fits better elsewhere."""
     usual = trail.residual or attempt.registered.residual
-    return attempt.registered.residual > max(1.3 * usual, usual + 0.15)
+    return not attempt.clear and attempt.registered.residual > max(1.3 * usual, usual + 0.15)
 
 
 def _leaps(trail: Trail, guess: Fixture | None) -> Callable[[_Attempt], bool]:

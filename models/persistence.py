@@ -12,7 +12,8 @@ PLACES = 5
 """How many places must agree."""
 _TRAVEL = 0.019
 """Places lie this share of the picture's width apart: a standstill adds none."""
-_FEW = 1 / np.array([np.inf, 3.0, 2.0, 1.5, 1.2, 1.0], np.float32)
+_FEW = np.ones(256, np.float32)
+_FEW[: PLACES + 1] = 1 / np.array([np.inf, 3.0, 2.0, 1.5, 1.2, 1.0])
 """What has been seen at fewer places must be that much stronger."""
 _UNSEEN = np.float32(1e9)
 _GROW = np.ones((3, 3), np.uint8)
@@ -46,7 +47,8 @@ def persist(
     place, point, grid = sight
     agreed = score.copy()
     grown = cv2.dilate(agreed, _GROW)
-    grown[hidden] = _UNSEEN
+    masked = hidden.view(np.uint8)
+    cv2.copyTo(np.full_like(grown, _UNSEEN), masked, grown)
     rows, cols = hidden.shape
     stays = bool(sights) and abs(sights[-1].place - place) < 1.0
     if stays and np.hypot(*(sights[-1].point - point)) < _TRAVEL * cols * cell:
@@ -55,11 +57,12 @@ def persist(
     else:
         others = sights[-(PLACES - 1) :]
         newest = Sight(point, place, grid, grown)
-    count = np.ones((rows, cols), np.int8)
+    count = np.ones((rows, cols), np.uint8)
     for other in others:
         _agree(agreed, count, other.score, (grid - other.grid) / cell)
-    agreed *= _FEW[count][:, :, None]
-    agreed[hidden] = 0
+    few = cv2.LUT(count, _FEW)
+    cv2.multiply(agreed, cv2.merge([few, few]), agreed)
+    cv2.copyTo(np.zeros_like(agreed), masked, agreed)
     return (*others, newest), agreed
 
 
@@ -78,4 +81,4 @@ def _agree(
     there = slice(max(0, -dy), rows + min(0, -dy)), slice(max(0, -dx), cols + min(0, -dx))
     moved = other[there]
     count[here] += moved[:, :, 0] < _UNSEEN
-    np.minimum(agreed[here], moved, out=agreed[here])
+    agreed[here] = cv2.min(agreed[here], moved)

@@ -84,11 +84,10 @@ def choose_points(smoothed: np.ndarray) -> Int[np.ndarray, " n"]:
     top, left = (h - rows * side) // 2, (w - cols * side) // 2
     steep = (gx * gx + gy * gy)[top : top + rows * side, left : left + cols * side]
     cells = steep.reshape(rows, side, cols, side).transpose(0, 2, 1, 3).reshape(rows, cols, side * side)
-    best = np.asarray(cells.argmax(axis=2), np.int64)
-    down, across = best // side, best % side
-    y = down + top + side * np.arange(rows)[:, None]
-    x = across + left + side * np.arange(cols)[None, :]
-    return (y * w + x).ravel().astype(np.int32)
+    down, across = np.divmod(cells.argmax(axis=2).astype(np.int32), np.int32(side))
+    y = down + np.arange(top, top + rows * side, side, dtype=np.int32)[:, None]
+    x = across + np.arange(left, left + cols * side, side, dtype=np.int32)[None, :]
+    return (y * np.int32(w) + x).ravel()
 
 
 @dataclass(frozen=True, eq=False)

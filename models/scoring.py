@@ -13,12 +13,11 @@ from models.frame import Frame
 from models.limits import Limits
 from models.localise import Located, Trail, begin, locate
 from models.persistence import Sight, persist
-from models.references import Reference
 from models.registration import affine, full_pose, shrink_by, smooth
 from models.tolerance import BRIGHT, aligned, beyond, evidence, levels, outside
 from models.verdict import Region
 
-_WIDENS = 0.25
+_WIDENS = 0.5
 """Scores of golden sweeps from here on widen the band."""
 _BLIND_SPREAD = 2.0
 """A picture that varies by less than this (standard deviation, grey levels) shows nothing."""
@@ -73,24 +72,16 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
     if not located.verified:
         return memory, Look(located, distance, None, 0.0)
     reference = references.get(located.reference)
-    raw, hidden = measure(reference, picture, located)
     threshold = limits.threshold(reference.band.contrast)
-    path = appearance.path
+    pose = full_pose(located.registered.pose, appearance.size)
+    laid = aligned(picture, pose, located.registered.light)
+    score = evidence(reference.band, laid, reference.cell, threshold) / threshold[:, :, None]
+    hidden = outside(pose, appearance.size, reference.cell)
     by = shrink_by(appearance.size)
-    grid, point = by * path.at(located.reference), by * path.at(located.at)
-    sights, score = persist(
-        memory.sights, raw / threshold[:, :, None], hidden, (located.at, point, grid), reference.cell
-    )
+    grid, point = by * appearance.path.at(located.reference), by * appearance.path.at(located.at)
+    sights, score = persist(memory.sights, score, hidden, (located.at, point, grid), reference.cell)
     peak = np.unravel_index(int(score.argmax()), score.shape)
     return replace(memory, sights=sights), Look(located, distance, score, float(score[peak] * threshold[peak[:2]]))
-
-
-def measure(reference: Reference, picture: np.ndarray, located: Located) -> tuple[np.ndarray, np.ndarray]:
-    """Evidence (rows, cols, 2) in grey levels of a placed picture, and the cells that it does not show."""
-    h, w = picture.shape[:2]
-    pose = full_pose(located.registered.pose, (w, h))
-    laid = aligned(picture, pose, located.registered.light)
-    return evidence(reference.band, laid, reference.cell), outside(pose, (w, h), reference.cell)
 
 
 def regions(appearance: Appearance, shown: Look) -> tuple[Region, ...]:
