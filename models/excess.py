@@ -26,6 +26,8 @@ _LINES = (
 _THICK = np.ones((4, 4), np.uint8)
 _STILL_AN_EDGE = np.float32(0.6)
 """Share of its contrast that an edge which only strayed must still have."""
+_FAINT = 0.65
+"""What is missing weighs less than what was added: a slight blur takes contrast from thin things, and adds none."""
 MARGIN = 16
 """Pixels beyond a box that forgiveness inside of it looks at."""
 
@@ -66,7 +68,7 @@ class Excess:
             reference,
             seen,
             (_less(seen, about[1]), _less(about[0], seen)),
-            (_less(around[0], reference), _less(reference, around[1])),
+            (_fainter(_less(around[0], reference)), _fainter(_less(reference, around[1]))),
         )
 
     def whole(self, polarity: int) -> np.ndarray:
@@ -83,6 +85,10 @@ class Excess:
 def _less(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     left = cv2.subtract(one, other)
     return left if left.dtype == np.uint8 else np.maximum(left, 0)
+
+
+def _fainter(excess: np.ndarray) -> np.ndarray:
+    return cv2.convertScaleAbs(excess, alpha=_FAINT) if excess.dtype == np.uint8 else excess * np.float32(_FAINT)
 
 
 def _forgiven(excess: np.ndarray, expected: np.ndarray, actual: np.ndarray, polarity: int) -> np.ndarray:

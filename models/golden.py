@@ -38,6 +38,8 @@ class GoldenSweep:
     pictures: list[bytes] = field(default_factory=list[bytes])
     points: list[np.ndarray] = field(default_factory=list[np.ndarray])
     motion: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    stood: list[int] = field(default_factory=list[int])
+    """Frames that stood still before each motion."""
     unsure: list[float] = field(default_factory=list[float])
     """Standard deviation of the length of each motion, in pixels."""
     times: list[int] = field(default_factory=list[int])
@@ -52,7 +54,7 @@ def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepar
     kept = GoldenSweep()
     kind, preparation = "", Preparation()
     before: tuple[Template, np.ndarray] | None = None
-    last = np.zeros(3)
+    last, stood = np.zeros(3), 0
     for index, frame in enumerate(frames):
         kept.times.append(frame.t_ns)
         kept.sequences.append(frame.sequence)
@@ -67,8 +69,11 @@ def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepar
             moved = _moved(before, smoothed, last)
             last = moved.pose
             if _is_still(moved, smoothed.shape[1]):
+                stood += 1
                 continue
             kept.motion.append(last[:2])
+            kept.stood.append(stood)
+            stood = 0
             kept.unsure.append(_unsure(moved))
         points = choose_points(smoothed)
         if len(points) < _POINTS:
@@ -149,7 +154,8 @@ def coordinates(golden: GoldenSweep) -> np.ndarray:
     """
     frames = np.array(golden.frames, float)
     frames = (frames - frames[0]) / (frames[-1] - frames[0])
-    way, steps = np.hypot(*np.array(golden.motion).T), np.diff(golden.frames)
+    # a frame that stood still took time, but no way
+    way, steps = np.hypot(*np.array(golden.motion).T), np.diff(golden.frames) - np.array(golden.stood)
     usual = float(np.median(way / steps))
     uneven = float(np.median(np.abs(way / steps - usual)))
     if usual <= 0 or uneven > _UNEVEN * usual:

@@ -17,12 +17,12 @@ class Limits:
     sweeps raise that by `factor` where they themselves went beyond it.
 
     >>> Limits().threshold(np.array([[0.0, 100.0]]))
-    array([[ 5.5, 19. ]])
+    array([[ 6., 21.]])
     """
 
-    floor: float = 5.5
+    floor: float = 6.0
     """Grey levels."""
-    share: float = 0.135
+    share: float = 0.15
     """Of the local contrast."""
     factor: float = 1.0
     """From golden sweeps beyond the first: what they reached, with a margin, never below 1."""

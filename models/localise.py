@@ -19,7 +19,7 @@ _SURE = 0.4
 _ASK_EVERY = 2.5
 _APART, _CERTAIN, _INSISTS = 2.0, 4.0, 3
 """The eigenspace insists when it stands so many places apart, by such a margin, so many times."""
-_SINKS, _RISES = 0.2, 0.05
+_SINKS, _RISES = 0.2, 0.15
 _LEAP, _PATIENT = 4.0, 4
 """A frame this many places off is believed where it fits as well as usual, or after so many that did not fit."""
 _GIVE_UP = 8
@@ -83,8 +83,6 @@ class _Attempt:
     reference: int
     registered: Registered
     fits: bool
-    clear: bool
-    """It fits beyond doubt: rich detail, and agreement on nearly all of it."""
 
 
 def _light(model: Template, smoothed: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -118,8 +116,7 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
     far = scene.trail.fixture is None or guess.uncertainty > _SURE
     registered = register(model, scene.smoothed, prior, STEPS_FAR if far else STEPS)
     fixture = guess.measure(reference, registered.pose, registered.covariance + _POSE_FLOOR, path)
-    clear = model.detail > _RICH and registered.correlation >= _CLEARLY
-    return _Attempt(fixture, reference, registered, clear or _fits(model, registered, scene.trail.residual), clear)
+    return _Attempt(fixture, reference, registered, _fits(model, registered, scene.trail.residual))
 
 
 def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _Attempt:
@@ -146,7 +143,7 @@ def _fits(model: Template, registered: Registered, usual: float | None) -> bool:
     A part with much wrong about it agrees less, but leaves no more unexplained at the points that are right.
     """
     expected = model.detail / float(np.hypot(model.detail, _GRAIN))
-    if usual is None:
+    if usual is None or (model.detail > _RICH and registered.correlation >= _CLEARLY):
         return registered.correlation >= _FITS * expected
     if registered.residual <= _USUAL * usual:
         return registered.correlation >= _FITS_USUAL * expected
@@ -205,7 +202,7 @@ def _anywhere(scene: _Scene, best: Standing) -> _Attempt:
 def _worse(trail: Trail, attempt: _Attempt) -> bool:
     """Whether more is left unexplained than usual: perhaps the picture fits better elsewhere."""
     usual = trail.residual or attempt.registered.residual
-    return not attempt.clear and attempt.registered.residual > max(1.3 * usual, usual + 0.15)
+    return attempt.registered.residual > max(1.3 * usual, usual + 0.15)
 
 
 def _leaps(trail: Trail, guess: Fixture | None) -> Callable[[_Attempt], bool]:

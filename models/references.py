@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import cv2
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Int, UInt8
 
 from models.errors import AppearanceError
 from models.frame import kind_of
@@ -24,13 +24,9 @@ class Reference:
     picture: np.ndarray
     """In grey levels 0..255: (h, w) or (h, w, 3)."""
     template: Template
-    excess: np.ndarray | None
+    band: Band
+    """What this place may look like."""
     cell: int
-
-    @cached_property
-    def band(self) -> Band:
-        """What this place may look like."""
-        return Band.of(self.picture, self.excess, self.cell)
 
 
 def unpack(data: bytes) -> np.ndarray:
@@ -52,12 +48,20 @@ class References:
         first = unpack(pictures[0])
         self.size = (first.shape[1], first.shape[0])
         self.template_size = smooth(levels(first)).shape[::-1]
-        self.kind = kind_of(first)
+        self.kind, self.shape = kind_of(first), first.shape
         self.cell = cell_size(self.size)
-        each = first.nbytes * (3 + 2 * any(excess)) + self._points.shape[1] * 48
+        # the picture and both ends of its band, and what golden sweeps showed beyond it
+        each = levels(first).nbytes * (3 + 2 * any(excess)) + self._points.shape[1] * 48
         self.get = lru_cache(maxsize=max(4, _HELD_BYTES // each))(self._get)
 
     def _get(self, index: int) -> Reference:
         picture = levels(unpack(self._pictures[index]))
-        excess = unpack(self._excess[index]).reshape(2, *picture.shape) if self._excess[index] else None
-        return Reference(picture, Template.of(smooth(picture), self._points[index]), excess, self.cell)
+        excess = self.excess(index) if self._excess[index] else None
+        template = Template.of(smooth(picture), self._points[index])
+        return Reference(picture, template, Band.of(picture, excess, self.cell), self.cell)
+
+    def excess(self, index: int) -> UInt8[np.ndarray, "2 h w *c"]:
+        """What golden sweeps showed beyond the band of a place, bright and dark, in grey levels."""
+        if not self._excess[index]:
+            return np.zeros((2, *self.shape), np.uint8)
+        return unpack(self._excess[index]).reshape(2, *self.shape)

@@ -195,7 +195,8 @@ def register(template: Template, frame: np.ndarray, prior: Prior, steps: int = S
         pose = compose(pose, step[:POSE] / gain)
         light = light + step[POSE:]
         values, at = _sample(template, frame, pose)
-        if max(abs(step[0]), abs(step[1])) < _SETTLED:
+        # a turn moves the corners by half the width
+        if max(abs(step[0]), abs(step[1]), abs(step[2]) * frame.shape[1] / 2) < _SETTLED * gain:
             break
     inside = _inside(at, frame)
     residual = (values - light.astype(np.float32) @ jac[POSE:])[inside]

@@ -126,7 +126,7 @@ def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> d
         return {}
     h, w = picture.shape[:2]
     laid = aligned(picture, full_pose(located.registered.pose, (w, h)), located.registered.light)
-    already = reference.excess if reference.excess is not None else np.zeros((2, *picture.shape), np.uint8)
+    already = appearance.references.excess(located.reference)
     parts: list[np.ndarray] = []
     for polarity, excess in enumerate(beyond(reference.band, laid)):
         mask = _pixels(shown.score[:, :, polarity] >= _WIDENS, reference.cell, (h, w))
