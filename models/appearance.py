@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -12,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from models.eigenspace import Eigenspace
@@ -144,21 +144,42 @@ class Appearance:
                 int(header["interval_ns"]),
                 header["facts"],
             )._checked()
-        except (KeyError, TypeError, ValueError) as error:
+        except AppearanceError:
+            raise
+        # a file made by hand can be wrong in more ways than can be named
+        except Exception as error:
             raise AppearanceError(f"the appearance lacks what version {VERSION} holds: {error}") from error
 
     def _checked(self) -> Appearance:
-        n, k = self.places, self.eigenspace.k
-        shapes = {"slope": (n, 5, k), "motion": (n, 2), "samples": (n, k), "points": (n, self.points.shape[-1])}
-        arrays = {"slope": self.slope, "motion": self.motion, "samples": self.manifold.samples, "points": self.points}
-        for name, shape in shapes.items():
-            if arrays[name].shape != shape:
-                raise AppearanceError(f"the appearance's {name} has shape {arrays[name].shape}, allowed is {shape}")
+        n, k, p = self.places, self.eigenspace.k, self.preparation.length(self.size)
+        allowed = {
+            "mean": (self.eigenspace.mean, (p,)),
+            "basis": (self.eigenspace.basis, (k, p)),
+            "samples": (self.manifold.samples, (n, k)),
+            "slope": (self.slope, (n, 5, k)),
+            "motion": (self.motion, (n, 2)),
+            "points": (self.points, (n, self.points.shape[-1])),
+        }
+        for name, (array, shape) in allowed.items():
+            if array.shape != shape:
+                raise AppearanceError(f"the appearance's {name} has shape {array.shape}, allowed is {shape}")
+            if array.dtype.kind not in ("i" if name == "points" else "f") or not np.isfinite(array).all():
+                raise AppearanceError(f"the appearance's {name} holds what is no number, or none of its kind")
+        if self.preparation.picture != self.size:
+            raise AppearanceError(f"prepared are pictures of {self.preparation.picture}, kept are some of {self.size}")
         if len(self.excess) != n:
             raise AppearanceError(f"the appearance holds {len(self.excess)} tolerances, allowed is one a place: {n}")
         w, h = self.references.template_size
-        if n < 2 or self.points.min() < w + 1 or self.points.max() >= w * (h - 1) - 1:
+        if min(n - 1, k) < 1 or self.points.min() < w + 1 or self.points.max() >= w * (h - 1) - 1:
             raise AppearanceError(f"the appearance's points lie outside of its {w}x{h} templates")
+        numbers = {**asdict(self.limits), "noise": self.noise}
+        for name, value in numbers.items():
+            if (name, value) != ("good_peak", None) and not (math.isfinite(value) and value >= 0):
+                raise AppearanceError(f"the appearance's {name} is {value}, allowed are finite numbers from 0 up")
+        if not (self.noise and self.limits.floor and self.limits.factor):
+            raise AppearanceError(f"the appearance tolerates nothing: {self.limits}, noise {self.noise}")
+        if self.facts != {name: str(fact) for name, fact in self.facts.items()}:
+            raise AppearanceError(f"the appearance's facts are {self.facts}, allowed is text")
         return self
 
 
@@ -176,7 +197,8 @@ def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         arrays = load(payload)
         size = int.from_bytes(payload[:8], "little")
         return arrays, json.loads(json.loads(payload[8 : 8 + size])["__metadata__"]["appearance"])
-    except (SafetensorError, KeyError, ValueError) as error:
+    # whatever a file made by hand does to those who read it
+    except Exception as error:
         raise AppearanceError(f"the appearance cannot be read: {error}") from error
 
 

@@ -15,6 +15,7 @@ from models.registration import Template, smooth
 from models.tolerance import Band, cell_size, levels
 
 _HELD_BYTES = 192 * 2**20
+_DEPTHS = np.dtype(np.uint8), np.dtype(np.uint16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +32,11 @@ class Reference:
 
 def unpack(data: bytes) -> np.ndarray:
     """The pixels of a picture that an appearance keeps, JPEG or PNG: (h, w) or (h, w, 3), uint8 or uint16."""
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    if picture is None:
+    try:
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    except cv2.error:
+        picture = None
+    if picture is None or picture.dtype not in _DEPTHS or picture.shape[2:] not in ((), (3,)):
         raise AppearanceError(f"a picture of {len(data)} bytes cannot be decoded; allowed are JPEG and PNG")
     return picture
 
@@ -55,13 +59,23 @@ class References:
         self.get = lru_cache(maxsize=max(4, _HELD_BYTES // each))(self._get)
 
     def _get(self, index: int) -> Reference:
-        picture = levels(unpack(self._pictures[index]))
+        kept = unpack(self._pictures[index])
+        if kind_of(kept) != self.kind:
+            raise AppearanceError(f"reference picture {index} is {kind_of(kept)}, the first one is {self.kind}")
+        picture = levels(kept)
         excess = self.excess(index) if self._excess[index] else None
-        template = Template.of(smooth(picture), self._points[index])
+        try:
+            template = Template.of(smooth(picture), self._points[index])
+        except np.linalg.LinAlgError as error:
+            raise AppearanceError(f"the points of reference picture {index} cannot tell shift from light") from error
         return Reference(picture, template, Band.of(picture, excess, self.cell), self.cell)
 
     def excess(self, index: int) -> UInt8[np.ndarray, "2 h w *c"]:
         """What golden sweeps showed beyond the band of a place, bright and dark, in grey levels."""
         if not self._excess[index]:
             return np.zeros((2, *self.shape), np.uint8)
-        return unpack(self._excess[index]).reshape(2, *self.shape)
+        kept = unpack(self._excess[index])
+        h, *rest = self.shape
+        if kept.shape != (2 * h, *rest) or kept.dtype != np.uint8:
+            raise AppearanceError(f"the tolerance of place {index} is {kind_of(kept)}, its picture is {self.kind}")
+        return kept.reshape(2, *self.shape)

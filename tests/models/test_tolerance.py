@@ -25,6 +25,11 @@ def band(reference: np.ndarray, excess: np.ndarray | None = None) -> Band:
     return Band.of(reference, excess, CELL)
 
 
+def compared(made: Band, seen: np.ndarray, threshold: float = 0.0) -> np.ndarray:
+    """The evidence; where every cell comes near the threshold, edges that stray are forgiven everywhere."""
+    return evidence(made, seen, CELL, np.full_like(made.contrast, threshold))
+
+
 @given(seed=st.integers(0, 99), width=st.integers(16, 70), height=st.integers(16, 60), colour=st.booleans())
 @FEW
 def test_the_band_holds_its_reference_and_its_cells_cover_it(seed: int, width: int, height: int, colour: bool):
@@ -34,7 +39,7 @@ def test_the_band_holds_its_reference_and_its_cells_cover_it(seed: int, width: i
     assert np.all(made.low <= reference)
     assert np.all(reference <= made.high)
     assert made.contrast.shape == (-(-height // CELL), -(-width // CELL))
-    found = evidence(made, reference, CELL)
+    found = compared(made, reference)
     assert found.shape == (*made.contrast.shape, 2)
     assert not found.any()
 
@@ -44,7 +49,7 @@ def test_the_band_holds_its_reference_and_its_cells_cover_it(seed: int, width: i
 def test_a_planted_square_gives_its_own_excess_in_its_own_place(kind: str, polarity: int, by: int):
     seen = picture(kind)
     seen[20:32, 40:52] = 100 + by
-    found = evidence(band(picture(kind)), seen, CELL)
+    found = compared(band(picture(kind)), seen)
     assert found[6, 11, polarity] == pytest.approx(30, abs=0.01)
     assert not found[:, :, 1 - polarity].any()
     rows, cols = np.nonzero(found[:, :, polarity])
@@ -57,20 +62,20 @@ def test_a_planted_square_gives_its_own_excess_in_its_own_place(kind: str, polar
 def test_a_square_smaller_than_the_box_is_diluted_by_its_area(side: int, by: int):
     seen = picture()
     seen[24 : 24 + side, 40 : 40 + side] += by
-    assert evidence(band(picture()), seen, CELL).max() == pytest.approx(by * side**2 / 36, rel=1e-5)
+    assert compared(band(picture()), seen).max() == pytest.approx(by * side**2 / 36, rel=1e-5)
 
 
 def test_one_channel_is_enough_in_colour():
     seen = picture("colour")
     seen[20:32, 40:52, 0] += 25
-    assert evidence(band(picture("colour")), seen, CELL)[6, 11, BRIGHT] == pytest.approx(25)
+    assert compared(band(picture("colour")), seen)[6, 11, BRIGHT] == pytest.approx(25)
 
 
 def test_sixteen_bits_say_the_same_as_eight():
     rng = np.random.default_rng(1)
     reference, seen = (rng.integers(60, 120, (60, 80), dtype=np.uint8) for _ in range(2))
     deep = [levels(p.astype(np.uint16) * 257) for p in (reference, seen)]
-    eight, sixteen = evidence(band(reference), seen, CELL), evidence(band(deep[0]), deep[1], CELL)
+    eight, sixteen = compared(band(reference), seen), compared(band(deep[0]), deep[1])
     # halving rounds to whole levels in eight bits
     np.testing.assert_allclose(eight, sixteen, atol=0.6)
     assert eight.max() > 1
@@ -83,7 +88,7 @@ def test_edges_that_moved_by_up_to_two_pixels_are_allowed(dx: float, dy: float, 
     reference[20:40, 30:50] = 200
     reference[10:14] = 120
     moved = aligned(reference, np.array([dx, dy, 0.0]), UNLIT)
-    assert evidence(band(reference), moved, CELL).max() <= 1
+    assert compared(band(reference), moved).max() <= 1
 
 
 def test_an_edge_that_moved_further_is_found():
@@ -91,48 +96,48 @@ def test_an_edge_that_moved_further_is_found():
     reference[:, 40:] = 200
     moved = np.roll(reference, 6, axis=1)
     moved[:, :6] = 60
-    found = evidence(band(reference), moved, CELL)
+    found = compared(band(reference), moved)
     assert found[:, 10:12, DARK].max() > 40
     assert not found[:, :8].any()
 
 
-def test_a_long_edge_that_strays_by_four_pixels_is_forgiven_and_a_notch_in_it_is_not():
+def strayed() -> tuple[Band, np.ndarray]:
+    """A long edge that strayed by four pixels, two of which the band allows."""
     reference = picture(level=60)
     reference[:, 40:] = 200
-    strayed, notched = reference.copy(), reference.copy()
-    strayed[:, 36:40] = 200
-    notched[28:34, 36:40] = 200
-    assert evidence(band(reference), strayed, CELL).max() <= 1
-    assert evidence(band(reference), notched, CELL)[7:9, 8:10, BRIGHT].max() > 20
+    seen = reference.copy()
+    seen[:, 36:40] = 200
+    return band(reference), seen
 
 
-def grooved(kind: str, width: int, at: int = 40, level: int = 60, across: bool = False) -> np.ndarray:
-    """A bright picture with a dark groove through all of it."""
-    drawn = picture(kind, 200, (90, 90))
-    drawn[np.s_[at : at + width] if across else np.s_[:, at : at + width]] = level
-    return drawn
+def test_edges_that_stray_are_forgiven_only_where_they_reach_half_the_threshold():
+    unforgiven = compared(*strayed(), 900)
+    strength = float(unforgiven.max())
+    # two pixels of six were added, and two are missing, which weigh less
+    assert 140 / 3 < strength < 2 * 140 / 3
+    np.testing.assert_array_equal(compared(*strayed(), 2.05 * strength), unforgiven)
+    assert compared(*strayed(), 1.95 * strength).max() <= 1
 
 
-GROOVES = pytest.mark.parametrize(
-    ("kind", "across", "width"), [("grey", False, 5), ("grey", True, 6), ("colour", False, 7), ("deep", True, 7)]
-)
+def test_where_one_cell_comes_near_its_threshold_edges_are_forgiven_about_it_and_not_far_from_it():
+    made, seen = strayed()
+    threshold = np.full_like(made.contrast, 900.0)
+    threshold[1, 9] = 50.0
+    found = evidence(made, seen, CELL, threshold)[:, :, BRIGHT]
+    assert found[:4, 8:11].max() <= 1
+    assert found[10:, 8:11].max() > 140 / 3
 
 
-@GROOVES
-@pytest.mark.parametrize("by", [-4, -3, 3, 4])
-def test_a_groove_that_strayed_is_forgiven(kind: str, across: bool, width: int, by: int):
-    made = band(grooved(kind, width, across=across))
-    assert evidence(made, grooved(kind, width, 40 + by, across=across), CELL).max() <= 1
-
-
-@GROOVES
-@pytest.mark.parametrize("level", [200, 130])
-def test_a_groove_that_is_gone_or_half_gone_is_not_forgiven(kind: str, across: bool, width: int, level: int):
-    made = band(grooved(kind, width, across=across))
-    found = evidence(made, grooved(kind, width, level=level, across=across), CELL)
-    # the band may reach two pixels over either edge; the box is six wide
-    assert (level - 60) * (width - 4) / 6 - 0.5 <= found[:, :, BRIGHT].max() <= level - 60
-    assert not found[:, :, DARK].any()
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_line_of_three_pixels_is_evidence_whether_it_was_added_or_is_missing(kind: str):
+    plain, line = picture(kind), picture(kind)
+    line[:, 40:43] += 60
+    added, missing = compared(band(plain), line), compared(band(line), plain)
+    # three pixels of a box of six, all across the picture
+    assert added[:, :, BRIGHT].max() == pytest.approx(30, abs=0.5)
+    assert 15 < missing[:, :, DARK].max() < 30
+    assert not added[:, :, DARK].any()
+    assert not missing[:, :, BRIGHT].any()
 
 
 def blobs(seed: int, sizes: tuple[int, int]) -> np.ndarray:
@@ -158,18 +163,6 @@ def test_bright_and_dark_are_the_distances_from_the_band(seed: int):
     np.testing.assert_array_equal(dark, np.maximum(100 - seen.astype(int), 0))
 
 
-@given(seed=st.integers(0, 999))
-@MANY
-def test_what_is_forgiven_is_never_more_than_what_there_is(seed: int):
-    made, seen = band(blobs(seed, (4, 30))), blobs(seed + 1000, (1, 30))
-    bright, dark = beyond(made, seen)
-    wide = seen.astype(int)
-    assert np.all(bright <= np.maximum(wide - made.high, 0))
-    assert np.all(dark <= np.maximum(made.low.astype(int) - wide, 0))
-    deep = beyond(band(made.reference.astype(np.float32)), seen.astype(np.float32))
-    np.testing.assert_array_equal(np.stack(deep), np.stack([bright, dark]))
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_good_parts_showed_is_allowed_there_and_with_that_sign_only(kind: str):
     reference = picture(kind)
@@ -178,9 +171,9 @@ def test_what_good_parts_showed_is_allowed_there_and_with_that_sign_only(kind: s
     wider = band(reference, excess)
     bright, dark, elsewhere = reference.copy(), reference.copy(), reference.copy()
     bright[20:32, 40:52], dark[20:32, 40:52], elsewhere[40:52, 10:22] = 130, 70, 130
-    assert not evidence(wider, bright, CELL).any()
-    assert evidence(wider, dark, CELL).max() == pytest.approx(30, abs=0.01)
-    assert evidence(wider, elsewhere, CELL).max() == pytest.approx(30, abs=0.01)
+    assert not compared(wider, bright).any()
+    assert compared(wider, dark).max() == pytest.approx(30, abs=0.01)
+    assert compared(wider, elsewhere).max() == pytest.approx(30, abs=0.01)
 
 
 def test_contrast_is_nothing_on_flat_ground_and_most_of_the_step_beside_an_edge():
