@@ -14,6 +14,8 @@ _SEES = 0.15
 """A scored frame vouches for places whose pictures lie within this share of 320 pixels of its own."""
 _DIP = 4
 """Frames from one that is raised to the next, up to which they belong to the same deviation."""
+_STRAYS = 0.1
+"""Share of frames without a place, above which short coverage means another part, not a sweep that ended early."""
 _FEW = 5
 """Shorter sweeps show nothing of a part."""
 
@@ -51,8 +53,10 @@ def _verdict(
     stopped: bool,
 ) -> tuple[Judgement, tuple[str, ...]]:
     scored = [frame for frame in frames if frame.state is FrameState.SCORED]
-    strayed = len(frames) - len(scored)
-    if len(scored) < _FEW or strayed > policy.invalid_share * len(frames):
+    strayed = (len(frames) - len(scored)) / max(len(frames), 1)
+    # a sweep that was broken off came to fewer places, but was at home in those
+    foreign = strayed > (policy.invalid_share if coverage >= policy.coverage else _STRAYS)
+    if len(scored) < _FEW or foreign:
         return Judgement.INVALID, (_why_invalid(frames, scored),)
     wrong = [d for d in found if d.kind == "appearance"]
     told = tuple(_told(d) for d in found)

@@ -17,12 +17,12 @@ class Limits:
     sweeps raise that by `factor` where they themselves went beyond it.
 
     >>> Limits().threshold(np.array([[0.0, 100.0]]))
-    array([[ 6., 21.]])
+    array([[ 6.5, 22.5]])
     """
 
-    floor: float = 6.0
+    floor: float = 6.5
     """Grey levels."""
-    share: float = 0.15
+    share: float = 0.16
     """Of the local contrast."""
     factor: float = 1.0
     """From golden sweeps beyond the first: what they reached, with a margin, never below 1."""

@@ -48,7 +48,7 @@ class Policy:
 
     sensitivity: float = 1.0
     """Multiplies every score: above 1 finds weaker defects, below 1 forgives more."""
-    review_margin: float = 0.1
+    review_margin: float = 0.05
     """A highest score within this share below the threshold asks for REVIEW instead of OK."""
     hysteresis: float = 0.7
     """A deviation that reached 1.0 goes on while the score stays above this."""

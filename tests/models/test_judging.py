@@ -52,7 +52,7 @@ def but(change: Callable[[int], bool], state: FrameState) -> list[ScoredFrame]:
 TABLE = {
     "all within tolerance": (sweep(), Judgement.OK),
     "raised, but not near the limit": (sweep(f40=0.85), Judgement.OK),
-    "just below the limit": (sweep(f40=0.95), Judgement.REVIEW),
+    "just below the limit": (sweep(f40=0.97), Judgement.REVIEW),
     "at the limit": (sweep(f40=1.0), Judgement.NG),
     "one frame far beyond it": (sweep(f40=9.0), Judgement.NG),
     "too fast all the time": ([scored(i, timing=1.2) for i in range(N)], Judgement.REVIEW),
@@ -61,7 +61,8 @@ TABLE = {
     "a third not seen": (sweep()[:66], Judgement.INCOMPLETE),
     "the middle not seen": (sweep()[:40] + sweep()[60:], Judgement.INCOMPLETE),
     "a defect, and a third not seen": (sweep(f20=3.0)[:66], Judgement.INCOMPLETE),
-    "lost for a while": (but(lambda i: 40 <= i < 70, FrameState.LOST), Judgement.INCOMPLETE),
+    "a third not seen, a few frames lost": (but(lambda i: i in (20, 21, 22), FrameState.LOST)[:66], Judgement.INCOMPLETE),
+    "lost for a third": (but(lambda i: 40 <= i < 70, FrameState.LOST), Judgement.INVALID),
     "one frame lost": (but(lambda i: i == 40, FrameState.LOST), Judgement.OK),
     "mostly lost": (but(lambda i: i % 5 > 1, FrameState.LOST), Judgement.INVALID),
     "mostly ambiguous": (but(lambda i: i > 20, FrameState.AMBIGUOUS), Judgement.INVALID),
