@@ -1,1 +1,1 @@
-"""What we know about a part: learning, matching, scoring and judging, without touching the world."""
+"""What we know about a part: learning, matching, scoring and judging, without touching the world. See README.md."""
