@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -28,6 +27,7 @@ from models.references import References
 MAGIC = b"sweep-appearance"
 VERSION = 1
 _HASH = 32
+_HUGE = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,10 +172,12 @@ class Appearance:
         w, h = self.references.template_size
         if min(n - 1, k) < 1 or self.points.min() < w + 1 or self.points.max() >= w * (h - 1) - 1:
             raise AppearanceError(f"the appearance's points lie outside of its {w}x{h} templates")
+        if np.abs(self.motion).max() > max(w, h):
+            raise AppearanceError(f"the appearance's motion leaves its {w}x{h} templates from one place to the next")
         numbers = {**asdict(self.limits), "noise": self.noise}
         for name, value in numbers.items():
-            if (name, value) != ("good_peak", None) and not (math.isfinite(value) and value >= 0):
-                raise AppearanceError(f"the appearance's {name} is {value}, allowed are finite numbers from 0 up")
+            if (name, value) != ("good_peak", None) and not 0 <= value < _HUGE:
+                raise AppearanceError(f"the appearance's {name} is {value}, allowed are numbers from 0 to {_HUGE}")
         if not (self.noise and self.limits.floor and self.limits.factor):
             raise AppearanceError(f"the appearance tolerates nothing: {self.limits}, noise {self.noise}")
         if self.facts != {name: str(fact) for name, fact in self.facts.items()}:

@@ -192,6 +192,78 @@ def test_points_outside_of_the_pictures_are_refused(value: int):
         used(forged(lambda arrays: arrays.update(points=np.full_like(arrays["points"], value))))
 
 
+@pytest.mark.parametrize("name", ["slope", "motion", "manifold.samples", "eigenspace.mean", "eigenspace.basis"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_one_value_that_is_no_number_is_refused_by_the_name_of_its_array(name: str, value: float):
+    def spoil(arrays: dict[str, np.ndarray]) -> None:
+        arrays[name] = arrays[name].copy()
+        arrays[name].flat[3] = value
+
+    with pytest.raises(AppearanceError, match=name.rpartition(".")[2]):
+        Appearance.from_bytes(forged(spoil))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("slope", np.int32), ("motion", np.bool_), ("points", np.float32), ("points", np.uint64)]
+)
+def test_an_array_of_another_type_is_refused_by_its_name(name: str, kind: type):
+    with pytest.raises(AppearanceError, match=name):
+        Appearance.from_bytes(forged(lambda arrays: arrays.update({name: arrays[name].astype(kind)})))
+
+
+def test_motion_beyond_the_picture_is_refused():
+    with pytest.raises(AppearanceError, match="motion leaves its 160x120 templates"):
+        Appearance.from_bytes(forged(lambda arrays: arrays.update(motion=arrays["motion"] * 50)))
+
+
+@pytest.mark.parametrize("name", ["floor", "share", "factor", "good_peak"])
+@pytest.mark.parametrize("value", ["6", [], {"a": 1}, np.nan, np.inf, -1.0, 10**400])
+def test_a_limit_that_is_no_number_from_0_up_is_refused(name: str, value: object):
+    with pytest.raises(AppearanceError):
+        Appearance.from_bytes(forged(header=lambda header: header["limits"].update({name: value})))
+
+
+@pytest.mark.parametrize("name", ["floor", "factor"])
+def test_a_limit_that_tolerates_nothing_is_refused(name: str):
+    with pytest.raises(AppearanceError, match="tolerates nothing"):
+        Appearance.from_bytes(forged(header=lambda header: header["limits"].update({name: 0})))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, -1.0, 1e308])
+def test_noise_that_is_none_or_no_number_is_refused(value: float):
+    with pytest.raises(AppearanceError, match="noise"):
+        Appearance.from_bytes(forged(header=lambda header: header.update(noise=value)))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_an_interval_that_is_no_number_is_refused(value: float):
+    with pytest.raises(AppearanceError):
+        Appearance.from_bytes(forged(header=lambda header: header.update(interval_ns=value)))
+
+
+@pytest.mark.parametrize("value", [None, 5, [], {"sweeps": 2}])
+def test_facts_that_are_not_text_are_refused(value: object):
+    with pytest.raises(AppearanceError):
+        Appearance.from_bytes(forged(header=lambda header: header.update(facts=value)))
+
+
+@pytest.mark.parametrize("picture", [None, [80, 60], [161, 120]])
+def test_a_preparation_for_other_pictures_than_those_kept_is_refused(picture: list[int] | None):
+    with pytest.raises(AppearanceError):
+        Appearance.from_bytes(forged(header=lambda header: header["preparation"].update(picture=picture)))
+
+
+def test_a_preparation_that_gives_more_values_than_the_eigenspace_takes_is_refused():
+    with pytest.raises(AppearanceError, match="mean has shape"):
+        Appearance.from_bytes(forged(header=lambda header: header["preparation"].update(colour=True)))
+
+
+def test_a_header_nested_without_end_is_refused():
+    held = load(kept()[PAYLOAD:])
+    with pytest.raises(AppearanceError, match="cannot be read"):
+        Appearance.from_bytes(sealed(save(held, {"appearance": "[" * 100_000})))
+
+
 def test_a_reference_picture_that_is_none_is_refused():
     with pytest.raises(AppearanceError, match="picture"):
         used(forged(lambda arrays: arrays.update(pictures=np.zeros_like(arrays["pictures"]))))

@@ -1,12 +1,14 @@
 """References: pictures come back as they were kept, in bounded memory, and damaged ones are refused."""
 
+import zlib
+
 import cv2
 import numpy as np
 import pytest
 
 from models.errors import AppearanceError
 from models.frame import kind_of
-from models.references import Reference, References
+from models.references import Reference, References, unpack
 from models.registration import choose_points, smooth
 from models.tolerance import levels
 from tests.models.parts import View, golden, shot, surface
@@ -107,3 +109,65 @@ def test_a_picture_that_cannot_be_decoded_is_refused(bad: bytes):
     references = References((png(good), bad), points, (b"", b""))
     with pytest.raises(AppearanceError, match=r"picture .*cannot be decoded"):
         references.get(1)
+
+
+GOOD = shot(surface(), 150.0)
+
+
+def beside_a_good_one(picture: np.ndarray = GOOD, excess: np.ndarray | None = None) -> References:
+    """Two references, of which the second one is this."""
+    points = np.stack([choose_points(smooth(GOOD))] * 2)
+    return References((png(GOOD), png(picture)), points, (b"", b"" if excess is None else png(excess)))
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [GOOD[:, :100], cv2.merge([GOOD] * 3), GOOD.astype(np.uint16) * 257],
+    ids=["another size", "colour", "sixteen bits"],
+)
+def test_a_later_picture_of_another_kind_is_refused_when_it_is_needed_and_the_others_still_serve(picture: np.ndarray):
+    references = beside_a_good_one(picture)
+    np.testing.assert_array_equal(references.get(0).picture, GOOD)
+    with pytest.raises(AppearanceError, match=f"reference picture 1 is {kind_of(picture)}, .* 160x120 grey 8 bit"):
+        references.get(1)
+
+
+@pytest.mark.parametrize(
+    "excess",
+    [
+        np.zeros((120, 160), np.uint8),
+        np.zeros((240, 100), np.uint8),
+        np.zeros((240, 160, 3), np.uint8),
+        np.zeros((240, 160), np.uint16),
+    ],
+    ids=["half of it", "another size", "colour", "sixteen bits"],
+)
+def test_a_tolerance_of_another_kind_than_its_picture_is_refused(excess: np.ndarray):
+    references = beside_a_good_one(excess=excess)
+    for ask in (references.get, references.excess):
+        with pytest.raises(AppearanceError, match=r"the tolerance of place 1 is .*, its picture is 160x120 grey 8 bit"):
+            ask(1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "picture"),
+    [(".png", np.zeros((60, 80, 4), np.uint8)), (".tiff", np.zeros((60, 80), np.float32))],
+    ids=["with transparency", "of fractions"],
+)
+def test_a_picture_that_no_camera_gives_is_refused(kind: str, picture: np.ndarray):
+    with pytest.raises(AppearanceError, match="cannot be decoded"):
+        unpack(cv2.imencode(kind, picture)[1].tobytes())
+
+
+def test_a_picture_that_claims_to_be_enormous_is_refused():
+    data = bytearray(png(np.zeros((60, 80), np.uint8)))
+    data[16:24] = (2**20).to_bytes(4, "big") * 2
+    data[29:33] = zlib.crc32(data[12:29]).to_bytes(4, "big")
+    with pytest.raises(AppearanceError, match="cannot be decoded"):
+        unpack(bytes(data))
+
+
+def test_points_that_all_lie_in_one_place_are_refused():
+    references = References((png(GOOD),), np.full((1, 40), 5000, np.int32), (b"",))
+    with pytest.raises(AppearanceError, match="points of reference picture 0"):
+        references.get(0)
