@@ -146,7 +146,8 @@ def test_an_edge_that_strays_by_six_pixels_is_not_forgiven():
     reference[:, 40:] = 200
     moved = flat(level=60)
     moved[:, 46:] = 200
-    assert left(reference, moved)[DARK, :, 44:46].min() > 70
+    # the band allows two of them; the rest is too thick for an edge that strays, and stays to its rims
+    assert left(reference, moved)[DARK, :, 42:46].min() == 140
 
 
 def grooved(kind: str, width: int, at: int = 40, level: int = 60, across: bool = False) -> np.ndarray:

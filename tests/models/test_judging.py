@@ -61,7 +61,7 @@ TABLE = {
     "a third not seen": (sweep()[:66], Judgement.INCOMPLETE),
     "the middle not seen": (sweep()[:40] + sweep()[60:], Judgement.INCOMPLETE),
     "a defect, and a third not seen": (sweep(f20=3.0)[:66], Judgement.INCOMPLETE),
-    "a third not seen, a few frames lost": (but(lambda i: i in (20, 21, 22), FrameState.LOST)[:66], Judgement.INCOMPLETE),
+    "a third not seen, three lost": (but(lambda i: i in (20, 21, 22), FrameState.LOST)[:66], Judgement.INCOMPLETE),
     "lost for a third": (but(lambda i: 40 <= i < 70, FrameState.LOST), Judgement.INVALID),
     "one frame lost": (but(lambda i: i == 40, FrameState.LOST), Judgement.OK),
     "mostly lost": (but(lambda i: i % 5 > 1, FrameState.LOST), Judgement.INVALID),
