@@ -88,8 +88,8 @@ class Fixture:
         f = np.eye(5)
         f[AT, PACE] = elapsed
         mean = f @ self.mean
-        mean[AT] = np.clip(mean[AT], -1.0, len(path.motion))
-        dx, dy = path.between(float(self.mean[AT]), float(mean[AT]))
+        mean[AT] = min(max(float(mean[AT]), -1.0), float(len(path.motion)))
+        dx, dy = path.between(self.at, float(mean[AT]))
         mean[2:4] += self.mean[4] * np.array([dy, -dx])
         return Fixture(mean, f @ self.covariance @ f.T + _WANDER * max(elapsed, 0.1))
 
@@ -99,17 +99,24 @@ class Fixture:
         cov[AT, AT] += _STILL_STD**2
         return Fixture(self.mean, cov)
 
+    def _as_pose(self, reference: int, path: Path) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 5"]]:
+        """Where a picture lies on `reference`: displacement along the path + offset; and its slopes."""
+        (sx, sy), (dx, dy) = path.speed(self.at), path.between(reference, self.at)
+        slopes = np.array([[sx, 0, 1, 0, 0], [sy, 0, 0, 1, 0], [0, 0, 0, 0, 1]], float)
+        return np.array([self.mean[2] + dx, self.mean[3] + dy, self.mean[4]]), slopes
+
+    def pose(self, reference: int, path: Path) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+        """Where a picture would lie on `reference`, with its covariance."""
+        expected, h = self._as_pose(reference, path)
+        return expected, h @ self.covariance @ h.T
+
     def measure(self, reference: int, pose: np.ndarray, noise: np.ndarray, path: Path) -> Fixture:
-        """What a registration to `reference` says: pose = displacement along the path + offset."""
-        h = np.zeros((3, 5))
-        h[:2, AT] = path.speed(self.at)
-        h[:, OFFSET] = np.eye(3)
-        expected = self.mean[OFFSET].copy()
-        expected[:2] += path.between(reference, self.at)
+        """What a registration to `reference` says."""
+        expected, h = self._as_pose(reference, path)
         s = h @ self.covariance @ h.T + noise
         gain = np.linalg.solve(s, h @ self.covariance).T
         mean = self.mean + gain @ (pose - expected)
-        mean[PACE] = np.clip(mean[PACE], 0.0, 4.0)
+        mean[PACE] = min(max(float(mean[PACE]), 0.0), 4.0)
         keep = np.eye(5) - gain @ h
         return Fixture(mean, keep @ self.covariance @ keep.T + gain @ noise @ gain.T)
 
@@ -124,12 +131,3 @@ class Fixture:
         ph = self.covariance @ h
         gain = ph / (h @ ph + _ALONG_STD**2)
         return Fixture(self.mean - gain * float(h @ self.mean), self.covariance - np.outer(gain, ph))
-
-    def pose(self, reference: int, path: Path) -> tuple[np.ndarray, np.ndarray]:
-        """Where a picture would lie on `reference`, with its covariance."""
-        expected = self.mean[OFFSET].copy()
-        expected[:2] += path.between(reference, self.at)
-        h = np.zeros((3, 5))
-        h[:2, AT] = path.speed(self.at)
-        h[:, OFFSET] = np.eye(3)
-        return expected, h @ self.covariance @ h.T

@@ -109,20 +109,20 @@ class Template:
         """Read values and slopes of a smoothed reference picture at the chosen points."""
         h, w = smoothed.shape
         flat = smoothed.reshape(-1)
-        around = flat[points[None, :] + np.array([[0], [1], [-1], [w], [-w]], np.int32)].astype(np.float32)
-        row, col = np.divmod(points, w)
-        x, y = (col - (w - 1) / 2).astype(np.float32), (row - (h - 1) / 2).astype(np.float32)
+        value, right, left, below, above = (flat.take(points + by).astype(np.float32) for by in (0, 1, -1, w, -w))
+        row = points // w
+        x = (points - row * w - (w - 1) / 2).astype(np.float32)
+        y = (row - (h - 1) / 2).astype(np.float32)
         u, v = x * np.float32(2 / w), y * np.float32(2 / h)
-        value = around[0]
         xy1 = np.stack([x, y, np.ones_like(x)])
         jacobian = np.empty((POSE + LIGHT, len(points)), np.float32)
-        jacobian[0] = (around[2] - around[1]) * np.float32(0.5)
-        jacobian[1] = (around[4] - around[3]) * np.float32(0.5)
+        jacobian[0] = (left - right) * np.float32(0.5)
+        jacobian[1] = (above - below) * np.float32(0.5)
         jacobian[2] = jacobian[1] * x - jacobian[0] * y
         jacobian[3], jacobian[4], jacobian[5], jacobian[6] = value, 1, value * u, value * v
-        slow = np.stack([jacobian[4], u, v, u * u, u * v, v * v]).astype(float)
-        fit = np.asarray(np.linalg.solve(slow @ slow.T, slow @ value), float)
-        shape = (value - fit @ slow).astype(np.float32)
+        slow = np.stack([jacobian[4], u, v, u * u, u * v, v * v])
+        fit = np.linalg.solve((slow @ slow.T).astype(float), (slow @ value).astype(float)).astype(np.float32)
+        shape = value - fit @ slow
         return cls((w, h), xy1, jacobian, shape, float(np.sqrt(shape @ shape / len(shape))))
 
 

@@ -13,6 +13,8 @@ from models.excess import band as ends
 from models.registration import affine
 
 _GROW = np.ones((3, 3), np.uint8)
+_GROUPS = 24
+"""Groups of cells that are looked at one by one; more cost more than all of the picture at once."""
 _MATTERS = 0.5
 """Share of the threshold from which on edges that stray are worth forgiving."""
 _RIM = 4
@@ -72,7 +74,7 @@ def aligned(picture: np.ndarray, pose: Float[np.ndarray, " 3"], light: Float[np.
     gain, offset, across, down = (float(v) for v in light)
     if abs(across) + abs(down) < _EVEN:
         return _scaled(laid, 1 / max(gain, 0.1), -offset / max(gain, 0.1))
-    laid = _scaled(laid, 1.0, -offset)
+    laid = laid if abs(offset) < 0.5 else _scaled(laid, 1.0, -offset)
     lamp = _lamp(gain, across, down, (w, h))
     lamp = lamp if laid.ndim == 2 else cv2.merge([lamp, lamp, lamp])
     return cv2.multiply(laid, lamp, dtype=cv2.CV_8U if laid.dtype == np.uint8 else cv2.CV_32F)
@@ -120,17 +122,31 @@ def evidence(
     for polarity in (BRIGHT, DARK):
         whole = _within(band, excess.whole(polarity), polarity)
         cells = _to_cells(whole, cell)
-        strong = (cells >= _MATTERS * threshold).view(np.uint8)
-        x, y, w, h = cv2.boundingRect(strong)
-        if w and h:
-            box = (
-                slice(max(0, y * cell - MARGIN), (y + h) * cell + MARGIN),
-                slice(max(0, x * cell - MARGIN), (x + w) * cell + MARGIN),
-            )
+        boxes = _boxes(cells >= _MATTERS * threshold, cell)
+        for box in boxes:
             whole[box] = _within(band, excess.forgiven(polarity, box), polarity, box)
+        if boxes:
             cells = _to_cells(whole, cell)
         found.append(cells)
     return cv2.merge(found)
+
+
+def _boxes(strong: Bool[np.ndarray, "rows cols"], cell: int) -> list[Box]:
+    """Pixels about cells, a box for each group of them; one for all where there are many."""
+    if not strong.any():
+        return []
+    near = cv2.dilate(strong.view(np.uint8), _GROW)
+    count, _, found, _ = cv2.connectedComponentsWithStats(near, connectivity=8)
+    rects = [tuple(int(v) for v in stats[:4]) for stats in found[1:]]
+    if count > _GROUPS:
+        rects = [cv2.boundingRect(near)]
+    return [
+        (
+            slice(max(0, y * cell - MARGIN), (y + h) * cell + MARGIN),
+            slice(max(0, x * cell - MARGIN), (x + w) * cell + MARGIN),
+        )
+        for x, y, w, h in rects
+    ]
 
 
 def _to_cells(excess: np.ndarray, cell: int) -> Float[np.ndarray, "rows cols"]:
