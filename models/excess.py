@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
-from jaxtyping import Bool
+
+from models.registration import shrink_by
 
 BRIGHT, DARK = 0, 1
 Pair = tuple[np.ndarray, np.ndarray]
 Box = tuple[slice, slice]
-_EDGE = np.ones((5, 5), np.uint8)
-"""One golden sweep cannot say how far an edge may move: two pixels either way are allowed."""
-_FAR = np.ones((9, 9), np.uint8)
-"""Nobody calls an edge that strays by more than four pixels the same edge."""
+_EDGE = 2
+"""One golden sweep cannot say how far an edge may move: two pixels either way are allowed, in pictures 320 wide."""
+_FAR = 2
+"""Pixels beyond that, from which on nobody calls an edge that strays the same edge."""
 _LINE = 9
 """Pixels: a stretch of edge this long that strays as a whole is the part's own spread, not a notch."""
 _LINES = (
@@ -24,7 +26,7 @@ _LINES = (
     np.eye(7, dtype=np.uint8)[::-1].copy(),
 )
 _THICK = np.ones((4, 4), np.uint8)
-_STILL_AN_EDGE = np.float32(0.6)
+_STILL_AN_EDGE = 0.6
 """Share of its contrast that an edge which only strayed must still have."""
 _FAINT = 0.65
 """What is missing weighs less than what was added: a slight blur takes contrast from thin things, and adds none."""
@@ -32,9 +34,28 @@ MARGIN = 16
 """Pixels beyond a box that forgiveness inside of it looks at."""
 
 
+def reach(shape: tuple[int, ...]) -> int:
+    """How many pixels an edge may stray in pictures of this shape.
+
+    What parts do differently is as wide as it is, and more pixels show more of it; but edges are sharper there, too:
+    the reach grows with the square root of the resolution.
+    """
+    return round(_EDGE * float(np.sqrt(shrink_by((shape[1], shape[0])))))
+
+
 def band(picture: np.ndarray) -> Pair:
-    """The dark and the bright end of what may be where every edge may stray by two pixels."""
-    return cv2.erode(picture, _EDGE), cv2.dilate(picture, _EDGE)
+    """The dark and the bright end of what may be where every edge may stray."""
+    return _about(picture, reach(picture.shape))
+
+
+def _about(picture: np.ndarray, by: int) -> Pair:
+    """The darkest and the brightest within so many pixels."""
+    return cv2.erode(picture, _square(by)), cv2.dilate(picture, _square(by))
+
+
+@lru_cache
+def _square(by: int) -> np.ndarray:
+    return np.ones((2 * by + 1, 2 * by + 1), np.uint8)
 
 
 def strongest(channels: np.ndarray) -> np.ndarray:
@@ -68,7 +89,7 @@ class Excess:
             reference,
             seen,
             (_less(seen, about[1]), _less(about[0], seen)),
-            (_fainter(_less(around[0], reference)), _fainter(_less(reference, around[1]))),
+            (_share(_less(around[0], reference), _FAINT), _share(_less(reference, around[1]), _FAINT)),
         )
 
     def whole(self, polarity: int) -> np.ndarray:
@@ -77,9 +98,30 @@ class Excess:
 
     def forgiven(self, polarity: int, box: Box) -> np.ndarray:
         """The same inside a box, without edges that stray."""
-        added = _forgiven(self.added[polarity][box], self.reference[box], self.seen[box], polarity)
-        missing = _forgiven(self.missing[polarity][box], self.seen[box], self.reference[box], 1 - polarity)
+        far = reach(self.seen.shape) + _FAR
+        expected, actual = (Local.of(picture[box], far) for picture in (self.reference, self.seen))
+        added = _forgiven(self.added[polarity][box], expected, actual, polarity)
+        missing = _forgiven(self.missing[polarity][box], actual, expected, 1 - polarity)
         return cv2.max(added, missing)
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """A picture with the darkest and the brightest about each pixel."""
+
+    picture: np.ndarray
+    dark: np.ndarray
+    bright: np.ndarray
+
+    @classmethod
+    def of(cls, picture: np.ndarray, by: int) -> Local:
+        """As far as so many pixels about."""
+        return cls(picture, *_about(picture, by))
+
+    @property
+    def contrast(self) -> np.ndarray:
+        """How much the picture varies there."""
+        return cv2.subtract(self.bright, self.dark)
 
 
 def _less(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -87,11 +129,11 @@ def _less(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return left if left.dtype == np.uint8 else np.maximum(left, 0)
 
 
-def _fainter(excess: np.ndarray) -> np.ndarray:
-    return cv2.convertScaleAbs(excess, alpha=_FAINT) if excess.dtype == np.uint8 else excess * np.float32(_FAINT)
+def _share(picture: np.ndarray, share: float) -> np.ndarray:
+    return cv2.convertScaleAbs(picture, alpha=share) if picture.dtype == np.uint8 else picture * np.float32(share)
 
 
-def _forgiven(excess: np.ndarray, expected: np.ndarray, actual: np.ndarray, polarity: int) -> np.ndarray:
+def _forgiven(excess: np.ndarray, expected: Local, actual: Local, polarity: int) -> np.ndarray:
     """Excess without edges that stray: thin, long and close beside an edge, as etching and wear move them.
 
     What is thick, short, or away from edges stays: notches, spurs, spots and scratches. So does what lies where the
@@ -99,18 +141,12 @@ def _forgiven(excess: np.ndarray, expected: np.ndarray, actual: np.ndarray, pola
     """
     if not excess.any():
         return excess
-    dark, bright = cv2.erode(expected, _FAR), cv2.dilate(expected, _FAR)
-    far = _less(actual, bright) if polarity == BRIGHT else _less(dark, actual)
+    seen = actual.picture
+    far = _less(seen, expected.bright) if polarity == BRIGHT else _less(expected.dark, seen)
     lines = cv2.morphologyEx(excess, cv2.MORPH_OPEN, _LINES[0])
     for line in _LINES[1:]:
         lines = cv2.max(lines, cv2.morphologyEx(excess, cv2.MORPH_OPEN, line))
-    lines[_gone(dark, bright, actual)] = 0
+    lines[actual.contrast < np.float32(_STILL_AN_EDGE) * expected.contrast] = 0
     # even sides have no middle: what eroding shifts, dilating must shift back
     thick = cv2.min(excess, cv2.dilate(cv2.erode(excess, _THICK, anchor=(2, 2)), _THICK, anchor=(1, 1)))
     return cv2.max(cv2.max(cv2.subtract(excess, lines), thick), cv2.min(excess, far))
-
-
-def _gone(dark: np.ndarray, bright: np.ndarray, actual: np.ndarray) -> Bool[np.ndarray, "h w *c"]:
-    """Where an edge was expected, and there is none."""
-    there = cv2.subtract(cv2.dilate(actual, _FAR), cv2.erode(actual, _FAR))
-    return there < _STILL_AN_EDGE * cv2.subtract(bright, dark).astype(np.float32)

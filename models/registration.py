@@ -120,9 +120,9 @@ class Template:
         jacobian[1] = (above - below) * np.float32(0.5)
         jacobian[2] = jacobian[1] * x - jacobian[0] * y
         jacobian[3], jacobian[4], jacobian[5], jacobian[6] = value, 1, value * u, value * v
-        slow = np.stack([jacobian[4], u, v, u * u, u * v, v * v])
-        fit = np.linalg.solve((slow @ slow.T).astype(float), (slow @ value).astype(float)).astype(np.float32)
-        shape = value - fit @ slow
+        slow = np.stack([jacobian[4], u, v, u * u, u * v, v * v]).astype(float)
+        fit = np.asarray(np.linalg.solve(slow @ slow.T, slow @ value), float)
+        shape = (value - fit @ slow).astype(np.float32)
         return cls((w, h), xy1, jacobian, shape, float(np.sqrt(shape @ shape / len(shape))))
 
 

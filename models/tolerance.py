@@ -13,7 +13,7 @@ from models.excess import band as ends
 from models.registration import affine
 
 _GROW = np.ones((3, 3), np.uint8)
-_GROUPS = 24
+_GROUPS = 64
 """Groups of cells that are looked at one by one; more cost more than all of the picture at once."""
 _MATTERS = 0.5
 """Share of the threshold from which on edges that stray are worth forgiving."""
@@ -50,7 +50,7 @@ class Band:
     def of(cls, reference: np.ndarray, excess: np.ndarray | None, cell: int) -> Band:
         """Around a reference picture in grey levels; `excess` (2, ...) is what golden sweeps showed beyond it."""
         low, high = ends(reference)
-        # low and high reach over two pixels: one of them a cell says nearly all
+        # low and high reach over some pixels: one of them a cell says nearly all
         middle = slice(cell // 2, None, cell)
         spread = cv2.subtract(high[middle, middle], low[middle, middle])
         contrast = cv2.blur(
