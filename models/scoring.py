@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -59,18 +59,16 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
     """Score one frame; None where the picture shows nothing."""
     picture = levels(frame.pixels)
     elapsed = _elapsed(appearance, memory, frame)
-    memory = replace(memory, t_ns=frame.t_ns)
     smoothed = smooth(picture)
     if is_blind(smoothed):
-        return memory, None
+        return Memory(memory.trail, memory.sights, frame.t_ns), None
     references = appearance.references
     x = appearance.preparation.prepare(frame.pixels)
     z = appearance.eigenspace.project(x)
     trail, located = locate(appearance.guide, memory.trail, smoothed, z, elapsed)
-    memory = replace(memory, trail=trail)
     distance = appearance.track.misfit(located.reference, z.astype(float))
     if not located.verified:
-        return memory, Look(located, distance, None, 0.0)
+        return Memory(trail, memory.sights, frame.t_ns), Look(located, distance, None, 0.0)
     reference = references.get(located.reference)
     threshold = limits.threshold(reference.band.contrast)
     pose = full_pose(located.registered.pose, appearance.size)
@@ -81,7 +79,8 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
     grid, point = by * appearance.path.at(located.reference), by * appearance.path.at(located.at)
     sights, score = persist(memory.sights, score, hidden, (located.at, point, grid), reference.cell)
     peak = np.unravel_index(int(score.argmax()), score.shape)
-    return replace(memory, sights=sights), Look(located, distance, score, float(score[peak] * threshold[peak[:2]]))
+    shown = Look(located, distance, score, float(score[peak] * threshold[peak[:2]]))
+    return Memory(trail, sights, frame.t_ns), shown
 
 
 def regions(appearance: Appearance, shown: Look) -> tuple[Region, ...]:
