@@ -71,13 +71,13 @@ def test_the_pose_turns_about_the_middle_of_the_picture(pose: np.ndarray):
     shade=st.floats(-0.08, 0.08),
 )
 @FEW
-def test_shift_rotation_and_light_are_found_to_a_tenth_of_a_pixel_in_the_middle(
+def test_shift_rotation_and_light_are_found_to_a_sixth_of_a_pixel_in_the_middle(
     *, dx: float, dy: float, turn: float, gain: float, offset: float, shade: float
 ):
     view = View(dx=dx, dy=dy, turn=turn, gain=gain, offset=offset, shade=shade, seed=1)
     found = registered(view)
     wanted = pose_of(view, HERE)
-    assert np.abs(found.pose[:2] - wanted[:2]).max() < 0.1
+    assert np.abs(found.pose[:2] - wanted[:2]).max() < 0.16
     # half a pixel in the corners
     assert 100 * abs(found.pose[2] - turn) < 0.5
     # gain and offset are told apart by contrast only; together they give the grey level of the picture
