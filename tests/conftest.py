@@ -1,4 +1,4 @@
-"""One BLAS thread per worker of pytest-xdist, as two with two each wait for each other; the same examples every time."""
+"""One BLAS thread per worker of pytest-xdist: two with two each wait for each other. The same examples every time."""
 
 import os
 
@@ -8,6 +8,6 @@ from hypothesis import settings
 for library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-# What a random example would break on somebody else's change is searched for by hand: `pytest --hypothesis-profile=default`.
+# Other examples are searched for by hand, with `pytest --hypothesis-profile=default`: not on somebody else's change.
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
