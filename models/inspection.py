@@ -12,7 +12,7 @@ from models.appearance import Appearance
 from models.errors import PictureError
 from models.frame import Frame
 from models.judging import judge
-from models.registration import affine, full_pose
+from models.registration import WIDE, affine, full_pose
 from models.scoring import Look, Memory, look, regions, remember
 from models.tolerance import aligned, levels
 from models.verdict import FrameState, Policy, Residuals, Result, ScoredFrame
@@ -166,14 +166,14 @@ def _position(appearance: Appearance, memory: Memory, shown: Look) -> float:
     fixture = memory.trail.fixture
     off = 0.0
     if fixture is not None:
-        off = float(np.hypot(*fixture.offset[:2])) / (_OFFSET_LIMIT * 320)
+        off = float(np.hypot(*fixture.offset[:2])) / (_OFFSET_LIMIT * WIDE)
     # the curve's slopes hold for small shifts only: a part that lies off is allowed more
     shift = float(np.hypot(*shown.located.registered.pose[:2]))
     return max(off, shown.z_distance / (_OFF_CURVE * (1.0 + 0.5 * shift)))
 
 
 def _timing(memory: Memory) -> float:
-    """Wrong pace: a standstill is none (it is told by the health), twice the pace is, half is not yet."""
+    """How far the pace is from the learnt one; a standstill stays below the limit."""
     fixture = memory.trail.fixture
     if fixture is None:
         return 0.0

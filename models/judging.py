@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from models.fixture import Path
+from models.registration import WIDE
 from models.verdict import Deviation, FrameState, Judgement, Policy, Region, Result, ScoredFrame
 
 _SEES = 0.15
-"""A scored frame vouches for places whose pictures lie within this share of 320 pixels of its own."""
+"""A scored frame vouches for places whose pictures lie within this share of the width of its own."""
 _DIP = 4
 """Frames from one that is raised to the next, up to which they belong to the same deviation."""
 _STRAYS = 0.1
@@ -111,7 +112,7 @@ def _covered(scored: Sequence[ScoredFrame], s: Float[np.ndarray, " n"], path: Pa
         at = float(np.interp(frame.s if frame.s is not None else 0.0, s, places))
         near = slice(max(0, int(at) - 12), min(len(s), int(at) + 14))
         off = points[near] - points[min(round(at), len(s) - 1)]
-        covered[near] |= (np.hypot(off[:, 0], off[:, 1]) <= _SEES * 320) & (np.abs(places[near] - at) < 8)
+        covered[near] |= (np.hypot(off[:, 0], off[:, 1]) <= _SEES * WIDE) & (np.abs(places[near] - at) < 8)
     return covered
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 @dataclass(frozen=True)
 class Limits:
-    """What evidence (mean excess over 5 x 5 pixels, in grey levels) is at the threshold.
+    """What evidence (mean excess over a box of six pixels, in grey levels) is at the threshold.
 
     One golden sweep shows neither how much edges stray from part to part nor how the lamp wanders: it is assumed that
     good parts stay below `floor` on flat ground and below `share` of the local contrast beside edges. More golden
