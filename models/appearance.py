@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt
 from safetensors.numpy import load, save
 
 from models.eigenspace import Eigenspace
@@ -23,16 +23,17 @@ from models.manifold import Manifold
 from models.position import Track
 from models.preparation import Preparation
 from models.references import References
+from models.registration import Grid
 
 MAGIC = b"sweep-appearance"
-VERSION = 1
+VERSION = 2
 _HASH = 32
 _HUGE = 1e9
 
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """What a part looks like along a sweep, over n places.
+    """What a part looks like along a sweep, over n places, m of them with a picture.
 
     Made by `models.learning.learn`. The bytes are a tag, a version, the SHA-256 of what follows, and a safetensors
     archive: arrays and one JSON header, no code.
@@ -46,12 +47,14 @@ class Appearance:
     """How z moves with the picture: per pixel of shift in x and y, per radian, per unit of shading in x and y."""
     motion: Float[np.ndarray, "n 2"]
     """How far the picture moves from each place to the next, in pixels."""
-    points: Int[np.ndarray, "n m"]
-    """Where registration looks: flat indices into each reference picture."""
+    keys: Int[np.ndarray, " m"]
+    """The places whose pictures are kept, increasing; frames between them are compared with the nearest by travel."""
+    points: UInt[np.ndarray, "m p"]
+    """Where registration looks: a pixel in each cell of a grid over each reference picture."""
     pictures: tuple[bytes, ...]
-    """The n reference pictures, JPEG or PNG."""
+    """The reference pictures of the key places, JPEG or PNG."""
     excess: tuple[bytes, ...]
-    """What further golden sweeps showed beyond the band, PNG per place; empty where nothing."""
+    """What further golden sweeps showed beyond the band, PNG per key place; empty where nothing."""
     limits: Limits
     noise: float
     """Standard deviation of a coordinate of z at a known place, from the sensor alone."""
@@ -62,8 +65,8 @@ class Appearance:
 
     @property
     def places(self) -> int:
-        """Number of reference pictures."""
-        return len(self.pictures)
+        """Number of places of the reference sweep."""
+        return len(self.motion)
 
     @cached_property
     def s(self) -> Float[np.ndarray, " n"]:
@@ -78,7 +81,7 @@ class Appearance:
     @cached_property
     def references(self) -> References:
         """The reference pictures, ready for registration and comparison."""
-        return References(self.pictures, self.points, self.excess)
+        return References(self.pictures, self.points, self.excess, self.keys)
 
     @cached_property
     def track(self) -> Track:
@@ -94,7 +97,7 @@ class Appearance:
     @cached_property
     def path(self) -> Path:
         """How the picture moves along the sweep."""
-        return Path(self.motion.astype(float))
+        return Path(self.motion.astype(float), self.keys)
 
     @cached_property
     def id(self) -> str:
@@ -109,6 +112,7 @@ class Appearance:
             **{f"manifold.{k}": v for k, v in self.manifold.arrays().items()},
             "slope": self.slope,
             "motion": self.motion,
+            "keys": self.keys,
             "points": self.points,
             **_joined("pictures", self.pictures),
             **_joined("excess", self.excess),
@@ -136,6 +140,7 @@ class Appearance:
                 Manifold.from_parts(header["manifold"], _under("manifold.", arrays)),
                 arrays["slope"],
                 arrays["motion"],
+                arrays["keys"],
                 arrays["points"],
                 _parted("pictures", arrays),
                 _parted("excess", arrays),
@@ -151,27 +156,32 @@ class Appearance:
             raise AppearanceError(f"the appearance lacks what version {VERSION} holds: {error}") from error
 
     def _checked(self) -> Appearance:
-        n, k, p = self.places, self.eigenspace.k, self.preparation.length(self.size)
+        n, m, k, p = self.places, len(self.pictures), self.eigenspace.k, self.preparation.length(self.size)
+        grid = Grid.over(self.references.template_size)
         allowed = {
             "mean": (self.eigenspace.mean, (p,)),
             "basis": (self.eigenspace.basis, (k, p)),
             "samples": (self.manifold.samples, (n, k)),
             "slope": (self.slope, (n, 5, k)),
             "motion": (self.motion, (n, 2)),
-            "points": (self.points, (n, self.points.shape[-1])),
+            "keys": (self.keys, (m,)),
+            "points": (self.points, (m, grid.rows * grid.cols)),
         }
+        kinds = {"keys": "i", "points": "u"}
         for name, (array, shape) in allowed.items():
             if array.shape != shape:
                 raise AppearanceError(f"the appearance's {name} has shape {array.shape}, allowed is {shape}")
-            if array.dtype.kind not in ("i" if name == "points" else "f") or not np.isfinite(array).all():
+            if array.dtype.kind != kinds.get(name, "f") or not np.isfinite(array).all():
                 raise AppearanceError(f"the appearance's {name} holds what is no number, or none of its kind")
         if self.preparation.picture != self.size:
             raise AppearanceError(f"prepared are pictures of {self.preparation.picture}, kept are some of {self.size}")
-        if len(self.excess) != n:
-            raise AppearanceError(f"the appearance holds {len(self.excess)} tolerances, allowed is one a place: {n}")
+        if len(self.excess) != m:
+            raise AppearanceError(f"the appearance holds {len(self.excess)} tolerances, allowed is one a picture: {m}")
+        if self.keys[0] < 0 or self.keys[-1] >= n or (np.diff(self.keys) < 1).any():
+            raise AppearanceError(f"the appearance's keys are {self.keys}, allowed are increasing places below {n}")
         w, h = self.references.template_size
-        if min(n - 1, k) < 1 or self.points.min() < w + 1 or self.points.max() >= w * (h - 1) - 1:
-            raise AppearanceError(f"the appearance's points lie outside of its {w}x{h} templates")
+        if min(n - 1, k) < 1 or self.points.max() >= grid.side**2:
+            raise AppearanceError(f"the appearance's points lie outside of the cells of its {w}x{h} templates")
         if np.abs(self.motion).max() > max(w, h):
             raise AppearanceError(f"the appearance's motion leaves its {w}x{h} templates from one place to the next")
         numbers = {**asdict(self.limits), "noise": self.noise}
@@ -190,8 +200,10 @@ def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     if data[: len(MAGIC)] != MAGIC:
         raise AppearanceError("not an appearance: it does not begin as one; `inspector learn` makes them")
     version = int.from_bytes(data[len(MAGIC) : start], "little")
-    if not 1 <= version <= VERSION:
-        raise AppearanceError(f"the appearance has format version {version}; this program reads 1 to {VERSION}")
+    if version != VERSION:
+        raise AppearanceError(
+            f"the appearance has format version {version}, this program reads {VERSION}: learn the part again"
+        )
     payload = data[start + _HASH :]
     if hashlib.sha256(payload).digest() != data[start : start + _HASH]:
         raise AppearanceError("the appearance is damaged: its checksum does not fit; restore it, or learn again")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 AT, PACE, OFFSET = 0, 1, slice(2, 5)
 _AT_STD, _PACE_STD, _OFFSET_STD = 2.0, 0.25, np.array([3.0, 3.0, 0.01])
@@ -18,15 +20,43 @@ _ALONG_STD = 8.0
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """How the picture moves along the reference sweep: a polyline of picture displacement over places."""
+    """How the picture moves along the reference sweep: a polyline of picture displacement over places.
+
+    >>> path = Path(np.full((6, 2), (-4.0, 0.0)), np.array([0, 2, 5]))
+    >>> [path.key(at) for at in (0.0, 0.9, 1.1, 3.4, 3.6)]
+    [0, 0, 2, 2, 5]
+    """
 
     motion: Float[np.ndarray, "n 2"]
     """From each place to the next, in pixels."""
+    keys: Int[np.ndarray, " m"] | None = None
+    """Places whose pictures are kept, increasing; None for all."""
 
     @cached_property
     def points(self) -> Float[np.ndarray, "n 2"]:
         """Displacement of the picture at each place from the first, in pixels."""
         return np.vstack([np.zeros(2), np.cumsum(self.motion[:-1], axis=0)])
+
+    @cached_property
+    def _keys(self) -> list[int]:
+        return list(range(len(self.motion))) if self.keys is None else [int(key) for key in self.keys]
+
+    @cached_property
+    def _borders(self) -> list[float]:
+        """Between each key place and the next: where the picture has come as near to one as to the other."""
+        return [self._border(before, after) for before, after in pairwise(self._keys)]
+
+    def _border(self, before: int, after: int) -> float:
+        off = self.points[before : after + 1]
+        nearer = np.hypot(*(off - off[-1]).T) - np.hypot(*(off - off[0]).T)
+        i = int(np.argmax(nearer <= 0))
+        if i == 0:
+            return (before + after) / 2
+        return before + i - 1 + float(nearer[i - 1] / (nearer[i - 1] - nearer[i]))
+
+    def key(self, at: float) -> int:
+        """The place with a picture that is nearest to `at` by travel."""
+        return self._keys[bisect_right(self._borders, at)]
 
     def between(self, start: float, end: float) -> Float[np.ndarray, " 2"]:
         """Displacement of the picture from one place to another, in pixels."""
@@ -100,10 +130,11 @@ class Fixture:
         return Fixture(self.mean, cov)
 
     def _as_pose(self, reference: int, path: Path) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 5"]]:
-        """Where a picture lies on `reference`: displacement along the path + offset; and its slopes."""
+        """Where a picture lies on `reference`: displacement along the path, turned, + offset; and its slopes."""
         (sx, sy), (dx, dy) = path.speed(self.at), path.between(reference, self.at)
-        slopes = np.array([[sx, 0, 1, 0, 0], [sy, 0, 0, 1, 0], [0, 0, 0, 0, 1]], float)
-        return np.array([self.mean[2] + dx, self.mean[3] + dy, self.mean[4]]), slopes
+        slopes = np.array([[sx, 0, 1, 0, -dy], [sy, 0, 0, 1, dx], [0, 0, 0, 0, 1]], float)
+        x, y, turn = (float(v) for v in self.offset)
+        return np.array([x + dx - turn * dy, y + dy + turn * dx, turn]), slopes
 
     def pose(self, reference: int, path: Path) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
         """Where a picture would lie on `reference`, with its covariance."""

@@ -23,6 +23,10 @@ _POINTS = 12
 """Fewer cannot tell shift, rotation and light apart."""
 _SAME, _FOLLOWS = 0.9, 0.3
 """Agreement from which on a frame shows the place before it again; and at least continues it."""
+_APART = 0.055
+"""Share of the width that the picture moves from one key place to the next, at the most."""
+_OFF = np.array([1.0, 1.0, 0.01])
+"""Pixels and radians by which a picture may lie elsewhere on that of its key place than the way says."""
 _STEADY = 0.02
 """How much of its pace a steady camera gains or loses from frame to frame."""
 _UNEVEN = 0.25
@@ -36,7 +40,10 @@ class GoldenSweep:
     frames: list[int] = field(default_factory=list[int])
     x: list[np.ndarray] = field(default_factory=list[np.ndarray])
     pictures: list[bytes] = field(default_factory=list[bytes])
+    keys: list[int] = field(default_factory=list[int])
+    """Places whose pictures the appearance keeps: enough of them that every frame lies close to one."""
     points: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    """Of the key places."""
     motion: list[np.ndarray] = field(default_factory=list[np.ndarray])
     stood: list[int] = field(default_factory=list[int])
     """Frames that stood still before each motion."""
@@ -46,14 +53,41 @@ class GoldenSweep:
     sequences: list[int] = field(default_factory=list[int])
 
 
+@dataclass(frozen=True, eq=False)
+class _Key:
+    """The last key place, and how far the picture has moved since."""
+
+    template: Template
+    way: np.ndarray
+    step: float = 0.0
+    """Length of the last motion, in pixels."""
+
+    def after(self, motion: np.ndarray) -> _Key:
+        """One place further."""
+        return _Key(self.template, self.way + motion, float(np.hypot(*motion)))
+
+    def stands_for(self, smoothed: np.ndarray) -> bool:
+        """Whether a picture so far from it can be compared with it, and there is no need for another key yet.
+
+        Where the picture changes in other ways than by moving, or its motion could not be measured, it cannot.
+        """
+        if float(np.hypot(*self.way)) + self.step > _APART * smoothed.shape[1]:
+            return False
+        pose = np.array([*self.way, 0.0])
+        light = np.diag(1 / np.square([0.1, 10.0, 0.05, 0.05]))
+        found = register(self.template, smoothed, Prior(pose, np.diag(1 / np.square(2 * _OFF)), NO_LIGHT, light))
+        return found.correlation > _SAME * self.template.agrees and bool((np.abs(found.pose - pose) < _OFF).all())
+
+
 def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Preparation, GoldenSweep]:
     """Read a reference sweep once; frames that show nothing, or no new place, are left out.
 
     Raises LearningError where fewer than two places are left, PictureError where a picture does not fit the others.
     """
     kept = GoldenSweep()
-    kind, preparation = "", Preparation()
+    kind, preparation, points = "", Preparation(), np.zeros(0, np.uint8)
     before: tuple[Template, np.ndarray] | None = None
+    key: _Key | None = None
     last, stood = np.zeros(3), 0
     for index, frame in enumerate(frames):
         kept.times.append(frame.t_ns)
@@ -79,11 +113,18 @@ def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepar
         if len(points) < _POINTS:
             raise LearningError(f"pictures of {kind} are too small; at least some 24x18 pixels are needed")
         before = (Template.of(smoothed, points), smoothed)
+        key = None if key is None else key.after(last[:2])
+        if key is None or not key.stands_for(smoothed):
+            key = _Key(before[0], np.zeros(2))
+            kept.keys.append(len(kept.frames))
+            kept.points.append(points)
         kept.frames.append(index)
-        kept.points.append(points)
         kept.x.append(preparation.prepare(frame.pixels))
         kept.pictures.append(_keep(frame))
     _check_places(kept)
+    if kept.keys[-1] != len(kept.x) - 1:
+        kept.keys.append(len(kept.x) - 1)
+        kept.points.append(points)
     return preparation, kept
 
 

@@ -83,9 +83,10 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, sweeps: int) -> Appea
         Manifold.over(coordinates(golden), z),
         _slopes(golden, preparation, space),
         np.array([*golden.motion, golden.motion[-1]], np.float32),
+        np.array(golden.keys, np.int32),
         np.stack(golden.points),
-        tuple(golden.pictures),
-        (b"",) * len(golden.pictures),
+        tuple(golden.pictures[key] for key in golden.keys),
+        (b"",) * len(golden.keys),
         Limits(),
         _noise(golden, preparation),
         facts.interval_ns,
@@ -149,7 +150,7 @@ def _varied(picture: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float
 
 def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appearance]:
     """Add what a further golden sweep shows beyond the band; and how high its frames scored before that."""
-    excess = dict(enumerate(appearance.excess))
+    excess = dict(zip(appearance.keys.tolist(), appearance.excess, strict=True))
     kind = appearance.references.kind
     memory, scores = remember(appearance), list[float]()
     for frame in frames:
@@ -169,7 +170,7 @@ def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appe
             "is it the same product, swept the same way?"
         )
     return float(np.quantile(scores, _NEARLY_ALL)), replace(
-        appearance, excess=tuple(excess[i] for i in range(appearance.places))
+        appearance, excess=tuple(excess[key] for key in appearance.keys.tolist())
     )
 
 

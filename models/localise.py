@@ -26,7 +26,7 @@ _GIVE_UP = 8
 """Frames that agree with nothing, after which the fixture is forgotten."""
 _RICH, _CLEARLY = 5.0, 0.97
 """Detail in grey levels, and agreement on it, that leave no doubt, however much a part differs from the golden one."""
-_FITS, _FITS_USUAL, _USUAL, _GRAIN = 0.8, 0.6, 1.3, 0.7
+_FITS, _FITS_USUAL, _USUAL = 0.8, 0.6, 1.3
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
 _POSE_FLOOR = np.diag(np.square([0.15, 0.15, 0.0005]))
@@ -56,6 +56,7 @@ class Located:
     at: float
     """In reference frames."""
     reference: int
+    """The place with a picture that the frame was registered on."""
     registered: Registered
     uncertainty: float
     """Standard deviation of `at`, in reference frames."""
@@ -70,6 +71,7 @@ class Guide:
     track: Track
     path: Path
     template: Callable[[int], Template]
+    """Of a place with a picture."""
 
 
 def begin(track: Track) -> Trail:
@@ -107,7 +109,7 @@ class _Scene:
 def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> _Attempt:
     """Register at the place that a guess gives, and filter what was measured."""
     path = scene.guide.path
-    reference = min(max(round(guess.at), 0), len(path.motion) - 1)
+    reference = path.key(guess.at)
     model = scene.guide.template(reference)
     pose, covariance = guess.pose(reference, path)
     light = scene.light(model, pose) if light is None else light
@@ -122,12 +124,14 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
 def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _Attempt:
     """Scan along the path about a guess, and where the robot would have halted; attempt where it agrees best."""
     path = scene.guide.path
-    reference = min(max(round(guess.at), 0), len(path.motion) - 1)
+    reference = path.key(guess.at)
     model = scene.guide.template(reference)
     ats = np.append(guess.at + _SCAN, guess.at if halted is None else halted.at)
     poses = np.empty((len(ats), 3))
-    poses[:, :2] = path.along(ats) + (guess.offset[:2] - path.at(reference))
-    poses[:, 2] = guess.offset[2]
+    x, y, turn = (float(v) for v in guess.offset)
+    way = path.along(ats) - path.at(reference)
+    poses[:, :2] = way + turn * np.stack([-way[:, 1], way[:, 0]], axis=1) + (x, y)
+    poses[:, 2] = turn
     light = scene.light(model, poses[len(_SCAN) // 2])
     doubt = 0.04 * np.square((ats - guess.at) / max(guess.uncertainty, 0.3))
     if halted is not None:
@@ -142,7 +146,7 @@ def _fits(model: Template, registered: Registered, usual: float | None) -> bool:
 
     A part with much wrong about it agrees less, but leaves no more unexplained at the points that are right.
     """
-    expected = model.detail / float(np.hypot(model.detail, _GRAIN))
+    expected = model.agrees
     if usual is None or (model.detail > _RICH and registered.correlation >= _CLEARLY):
         return registered.correlation >= _FITS * expected
     if registered.residual <= _USUAL * usual:

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from jaxtyping import Int, UInt8
+from jaxtyping import Int, UInt, UInt8
 
 from models.errors import AppearanceError
 from models.frame import kind_of
@@ -42,13 +42,21 @@ def unpack(data: bytes) -> np.ndarray:
 
 
 class References:
-    """Reads reference pictures by index; holds the last ones, bounded in bytes.
+    """Reads reference pictures by their place; holds the last ones, bounded in bytes.
 
     One of these belongs to one appearance; reading does not change what it gives.
     """
 
-    def __init__(self, pictures: tuple[bytes, ...], points: Int[np.ndarray, "n m"], excess: tuple[bytes, ...]) -> None:
+    def __init__(
+        self,
+        pictures: tuple[bytes, ...],
+        points: UInt[np.ndarray, "m p"],
+        excess: tuple[bytes, ...],
+        keys: Int[np.ndarray, " m"] | None = None,
+    ) -> None:
+        """`keys` are the places of the pictures; without them they are counted from 0."""
         self._pictures, self._points, self._excess = pictures, points, excess
+        self._index = {int(place): i for i, place in enumerate(range(len(pictures)) if keys is None else keys)}
         first = unpack(pictures[0])
         self.size = (first.shape[1], first.shape[0])
         self.template_size = smooth(levels(first)).shape[::-1]
@@ -58,24 +66,28 @@ class References:
         each = levels(first).nbytes * (3 + 2 * any(excess)) + self._points.shape[1] * 48
         self.get = lru_cache(maxsize=max(4, _HELD_BYTES // each))(self._get)
 
-    def _get(self, index: int) -> Reference:
+    def _get(self, place: int) -> Reference:
+        index = self._index[place]
         kept = unpack(self._pictures[index])
         if kind_of(kept) != self.kind:
-            raise AppearanceError(f"reference picture {index} is {kind_of(kept)}, the first one is {self.kind}")
+            raise AppearanceError(
+                f"the reference picture of place {place} is {kind_of(kept)}, the first one is {self.kind}"
+            )
         picture = levels(kept)
-        excess = self.excess(index) if self._excess[index] else None
+        excess = self.excess(place) if self._excess[index] else None
         try:
             template = Template.of(smooth(picture), self._points[index])
         except np.linalg.LinAlgError as error:
-            raise AppearanceError(f"the points of reference picture {index} cannot tell shift from light") from error
+            raise AppearanceError(f"the points of place {place} cannot tell shift from light") from error
         return Reference(picture, template, Band.of(picture, excess, self.cell), self.cell)
 
-    def excess(self, index: int) -> UInt8[np.ndarray, "2 h w *c"]:
+    def excess(self, place: int) -> UInt8[np.ndarray, "2 h w *c"]:
         """What golden sweeps showed beyond the band of a place, bright and dark, in grey levels."""
+        index = self._index[place]
         if not self._excess[index]:
             return np.zeros((2, *self.shape), np.uint8)
         kept = unpack(self._excess[index])
         h, *rest = self.shape
         if kept.shape != (2 * h, *rest) or kept.dtype != np.uint8:
-            raise AppearanceError(f"the tolerance of place {index} is {kind_of(kept)}, its picture is {self.kind}")
+            raise AppearanceError(f"the tolerance of place {place} is {kind_of(kept)}, its picture is {self.kind}")
         return kept.reshape(2, *self.shape)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int, UInt
 
 POSE = 3
 """Shift x, shift y (pixels), rotation (radians about the picture's centre)."""
@@ -25,6 +25,8 @@ _BOUND = 2.5
 _SHARED = 0.25
 """Neighbouring points share their noise: four count as one."""
 _SCAN_POINTS = 240
+_GRAIN = 0.7
+"""What noise leaves of itself in a smoothed picture, in grey levels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,21 +75,49 @@ def full_pose(pose: Float[np.ndarray, " 3"], size: tuple[int, int]) -> Float[np.
     return pose * np.array([by, by, 1.0])
 
 
-def choose_points(smoothed: np.ndarray) -> Int[np.ndarray, " n"]:
-    """The steepest pixel of every cell of a grid of some 800: flat indices into the picture."""
+@dataclass(frozen=True)
+class Grid:
+    """Some 800 square cells over a picture, each of which has a point: rows x cols of them, row by row.
+
+    >>> Grid.over((320, 240))
+    Grid(width=320, side=10, rows=23, cols=31, top=5, left=5)
+    """
+
+    width: int
+    """Of the picture, in pixels."""
+    side: int
+    rows: int
+    cols: int
+    top: int
+    left: int
+
+    @classmethod
+    def over(cls, size: tuple[int, int]) -> Grid:
+        """For pictures of this (width, height)."""
+        w, h = size
+        side = max(4, round(float(np.sqrt(h * w / _CELLS))))
+        rim = 2
+        rows, cols = (h - 2 * rim) // side, (w - 2 * rim) // side
+        return cls(w, side, rows, cols, (h - rows * side) // 2, (w - cols * side) // 2)
+
+    def points(self, within: UInt[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+        """Flat indices into the picture of points that are given by where they lie in their cells, row by row."""
+        down, across = np.divmod(within.reshape(self.rows, self.cols).astype(np.int32), np.int32(self.side))
+        y = down + np.arange(self.top, self.top + self.rows * self.side, self.side, dtype=np.int32)[:, None]
+        x = across + np.arange(self.left, self.left + self.cols * self.side, self.side, dtype=np.int32)[None, :]
+        return (y * np.int32(self.width) + x).ravel()
+
+
+def choose_points(smoothed: np.ndarray) -> UInt[np.ndarray, " n"]:
+    """The steepest pixel of every cell of the picture's grid: where it lies in its cell, row by row."""
     h, w = smoothed.shape
-    side = max(4, round(float(np.sqrt(h * w / _CELLS))))
+    grid = Grid.over((w, h))
+    side, rows, cols, top, left = grid.side, grid.rows, grid.cols, grid.top, grid.left
     gx = cv2.Sobel(smoothed, cv2.CV_32F, 1, 0, ksize=1)
     gy = cv2.Sobel(smoothed, cv2.CV_32F, 0, 1, ksize=1)
-    rim = 2
-    rows, cols = (h - 2 * rim) // side, (w - 2 * rim) // side
-    top, left = (h - rows * side) // 2, (w - cols * side) // 2
     steep = (gx * gx + gy * gy)[top : top + rows * side, left : left + cols * side]
     cells = steep.reshape(rows, side, cols, side).transpose(0, 2, 1, 3).reshape(rows, cols, side * side)
-    down, across = np.divmod(cells.argmax(axis=2).astype(np.int32), np.int32(side))
-    y = down + np.arange(top, top + rows * side, side, dtype=np.int32)[:, None]
-    x = across + np.arange(left, left + cols * side, side, dtype=np.int32)[None, :]
-    return (y * np.int32(w) + x).ravel()
+    return cells.argmax(axis=2).ravel().astype(np.uint8 if side <= 16 else np.uint16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +134,16 @@ class Template:
     detail: float
     """Standard deviation of the detail, in grey levels."""
 
+    @property
+    def agrees(self) -> float:
+        """By how much a frame of the same place agrees with it: less than 1 where there is little but noise."""
+        return self.detail / float(np.hypot(self.detail, _GRAIN))
+
     @classmethod
-    def of(cls, smoothed: np.ndarray, points: Int[np.ndarray, " n"]) -> Template:
-        """Read values and slopes of a smoothed reference picture at the chosen points."""
+    def of(cls, smoothed: np.ndarray, within: UInt[np.ndarray, " n"]) -> Template:
+        """Read values and slopes of a smoothed reference picture at the points that `choose_points` chose."""
         h, w = smoothed.shape
+        points = Grid.over((w, h)).points(within)
         flat = smoothed.reshape(-1)
         value, right, left, below, above = (flat.take(points + by).astype(np.float32) for by in (0, 1, -1, w, -w))
         row = points // w

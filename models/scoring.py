@@ -66,7 +66,7 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
     x = appearance.preparation.prepare(frame.pixels)
     z = appearance.eigenspace.project(x)
     trail, located = locate(appearance.guide, memory.trail, smoothed, z, elapsed)
-    distance = appearance.track.misfit(located.reference, z.astype(float))
+    distance = appearance.track.misfit(round(located.at), z.astype(float))
     if not located.verified:
         return Memory(trail, memory.sights, frame.t_ns), Look(located, distance, None, 0.0)
     reference = references.get(located.reference)
@@ -115,7 +115,7 @@ def _elapsed(appearance: Appearance, memory: Memory, frame: Frame) -> float:
 
 
 def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> dict[int, np.ndarray]:
-    """What a good picture shows beyond the band, for the places about it: uint8 (2 h, w[, 3]), bright above dark.
+    """What a good picture shows beyond the band, for the key places about it: uint8 (2 h, w[, 3]), bright above dark.
 
     Only what persists counts: noise and misregistration widen nothing.
     """
@@ -133,7 +133,8 @@ def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> d
         # what is beyond the band is beyond what widened it already, too
         parts.append(np.where(more > 0, cv2.add(more, already[polarity]), np.uint8(0)))
     found: dict[int, np.ndarray] = {}
-    for place in range(max(0, located.reference - 2), min(appearance.places, located.reference + 3)):
+    key = int(np.searchsorted(appearance.keys, located.reference))
+    for place in (int(place) for place in appearance.keys[max(0, key - 1) : key + 2]):
         dx, dy = shrink_by(appearance.size) * appearance.path.between(located.reference, place)
         m = np.array([[1, 0, dx], [0, 1, dy]])
         found[place] = np.vstack([cv2.warpAffine(part, m, (w, h), flags=cv2.INTER_NEAREST) for part in parts])

@@ -18,8 +18,8 @@ _GROUPS = 64
 _MATTERS = 0.5
 """Share of the threshold from which on edges that stray are worth forgiving."""
 _RIM = 4
-_STRAY = 7
-"""Pixels: the wide band and half the box that evidence is averaged over."""
+_STRAY = 4
+"""Pixels at a reference picture's rim that something from beyond it may stray into."""
 _EVEN = 0.004
 """Shading too slight to be worth a multiplication: less than half a grey level."""
 

@@ -106,7 +106,7 @@ class ScoredFrame:
     residuals: Residuals
     regions: tuple[Region, ...] = ()
     reference: int = -1
-    """Index of the reference picture compared with, -1 where none was."""
+    """The place of the reference sweep whose picture it was compared with, counted from 0; -1 where none was."""
     placement: tuple[float, ...] = ()
     """Affine (a, b, c, d, e, f): reference pixel (u, v) lies at (a u + b v + c, d u + e v + f) of the frame."""
     light: tuple[float, ...] = ()

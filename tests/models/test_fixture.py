@@ -39,6 +39,30 @@ def test_many_places_are_where_each_of_them_is(seed: int, places: list[float]):
     np.testing.assert_allclose(path.along(np.array(places)), [path.at(place) for place in places], atol=1e-12)
 
 
+@given(seed=SEEDS, at=st.floats(-2, 14), apart=st.lists(st.integers(1, 4), min_size=1, max_size=4))
+@MANY
+def test_the_key_of_a_place_is_the_nearest_by_travel_of_those_about_it(seed: int, at: float, apart: list[int]):
+    motion = np.random.default_rng(seed).uniform(0.5, 3, (1 + sum(apart), 1)) * (0.8, -0.6)
+    path = Path(motion, np.cumsum([0, *apart]))
+    off = [float(np.hypot(*path.between(key, at))) for key in path.keys]
+    assert off[path.keys.tolist().index(path.key(at))] == pytest.approx(min(off), abs=1e-9)
+
+
+def test_where_nothing_moves_the_key_is_the_nearest_by_number():
+    still = Path(np.zeros((9, 2)), np.array([0, 2, 8]))
+    assert [still.key(at) for at in (0, 0.9, 1.1, 4.9, 5.1, 8)] == [0, 0, 2, 2, 8, 8]
+    assert [Path(np.zeros((9, 2))).key(at) for at in (-1, 0.4, 0.6, 7.6, 9)] == [0, 0, 1, 8, 8]
+
+
+@given(turn=st.floats(-0.02, 0.02), reference=st.integers(0, N - 1))
+@MANY
+def test_a_turned_part_lies_on_any_reference_as_rotation_says(turn: float, reference: int):
+    fixture = Fixture(np.array([20.0, 1.0, 0.4, -0.3, turn]), np.eye(5))
+    c, s = np.cos(turn), np.sin(turn)
+    pose = np.array([[c, -s], [s, c]]) @ SLANTED.between(reference, 20.0) + (0.4, -0.3)
+    np.testing.assert_allclose(fixture.pose(reference, SLANTED)[0], [*pose, turn], atol=0.03)
+
+
 @given(seed=SEEDS, elapsed=st.floats(0.5, 5))
 @MANY
 def test_prediction_moves_on_by_the_pace_and_spreads_as_the_closed_form_says(seed: int, elapsed: float):
@@ -78,7 +102,9 @@ def test_measurement_is_the_product_of_two_gaussians(seed: int, reference: int):
     # in information form: precisions add up, and so do precision times what is told
     h = np.zeros((3, 5))
     h[:2, 0], h[:, 2:] = SLANTED.speed(old.at), np.eye(3)
-    told = pose - np.append(SLANTED.between(reference, old.at), 0) + h[:, 0] * old.at
+    # a turn about the picture's centre moves what lies beside it
+    h[:2, 4] = SLANTED.between(reference, old.at)[::-1] * (-1, 1)
+    told = pose - old.pose(reference, SLANTED)[0] + h @ old.mean
     weight = np.linalg.inv(noise)
     precision = np.linalg.inv(old.covariance) + h.T @ weight @ h
     mean = np.linalg.solve(precision, np.linalg.solve(old.covariance, old.mean) + h.T @ weight @ told)

@@ -193,8 +193,23 @@ def test_pictures_are_kept_as_they_came():
         pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
         frames.append(Frame(pixels, i * INTERVAL_NS, i, encoded=EncodedPicture("jpeg", data.tobytes())))
     appearance = learn([frames])
-    assert list(appearance.pictures) == [each.encoded.data for each in frames]
+    assert list(appearance.pictures) == [frames[key].encoded.data for key in appearance.keys]
     np.testing.assert_array_equal(appearance.references.get(4).picture, frames[4].pixels)
+
+
+def test_pictures_are_kept_where_the_camera_has_moved_on_by_a_twentieth():
+    appearance = learn([swept(surface(), places(0.4, last=20))])
+    # four pixels a place, at 0.4 of the pace, in pictures 160 wide: five places make eight pixels
+    assert appearance.keys.tolist() == [*range(0, 50, 5), 50]
+    assert len(appearance.pictures) == len(appearance.points) == 11
+
+
+def test_where_pictures_change_without_moving_all_are_kept():
+    turning = [shot(surface(), FIRST + STEP * (FRAMES - 1) / 2, View(turn=0.03 * i), i) for i in range(12)]
+    strangers = [shot(surface(10 + i), FIRST) for i in range(12)]
+    for pictures in (turning, strangers):
+        appearance = learn([[frame(picture, i) for i, picture in enumerate(pictures)]])
+        assert appearance.keys.tolist() == list(range(12))
 
 
 def test_a_preparation_of_ones_own_is_kept():

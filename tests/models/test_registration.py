@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from models.registration import (
     NO_LIGHT,
     STEPS_FAR,
+    Grid,
     Prior,
     Registered,
     Template,
@@ -183,7 +184,7 @@ def test_a_scan_beside_the_picture_agrees_with_nothing():
 @FEW
 def test_the_points_differ_and_have_neighbours_on_every_side(width: int, height: int, seed: int):
     picture = np.random.default_rng(seed).integers(0, 256, (height, width), dtype=np.uint8)
-    points = choose_points(picture)
+    points = Grid.over((width, height)).points(choose_points(picture))
     row, col = np.divmod(points, width)
     assert len(set(points.tolist())) == len(points) > 0
     assert row.min() >= 1
