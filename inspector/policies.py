@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from inspector.errors import WorldError
-from models.verdict import Policy
+from models.verdict import ALLOWED, Policy
 
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
@@ -29,6 +29,9 @@ class PolicyFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
+    false_rejects: Annotated[float, Field(ge=ALLOWED["false_rejects"][0], le=ALLOWED["false_rejects"][1])] = (
+        Policy.false_rejects
+    )
     sensitivity: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)] = Policy.sensitivity
     review_margin: Share = Policy.review_margin
     hysteresis: Share = Policy.hysteresis

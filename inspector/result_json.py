@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from uuid import uuid4
 
 from inspector.files import write_new
+from models.limits import Promise
 from models.verdict import Deviation, Region, Result, ScoredFrame
 
 
 def result_record(
-    result: Result, facts: Mapping[str, str], *, is_simulated: bool, recipe_id: str | None = None
+    result: Result,
+    facts: Mapping[str, str],
+    *,
+    is_simulated: bool,
+    recipe_id: str | None = None,
+    promise: Promise | None = None,
 ) -> dict[str, object]:
-    """Everything of a concluded inspection; `facts` tell product and part, which are null where nobody said."""
+    """Everything of a concluded inspection; `facts` tell product and part, which are null where nobody said.
+
+    `promise` is what its limits were set by: whoever re-judges the scores for another target needs it.
+    """
     return {
         "result_id": str(uuid4()),
         "product_id": facts.get("product_id"),
@@ -30,6 +40,7 @@ def result_record(
         "frames_scored": result.frames_scored,
         "frames_dropped": result.frames_dropped,
         "digest": result.digest,
+        "promise": None if promise is None else {k: round(v, 6) for k, v in asdict(promise).items()},
         "deviations": [_deviation(deviation) for deviation in result.deviations],
         "frames": [_frame(frame) for frame in result.frames],
     }

@@ -74,6 +74,14 @@ class Appearance:
         return self.manifold.axes[0]
 
     @property
+    def peaks(self) -> tuple[float, ...]:
+        """What each golden sweep reached against the others, as far as it was kept; none with a single sweep."""
+        if self.limits.good_peak is None:
+            return ()
+        # what few of the last sweeps reached says nothing of the others
+        return (min(self.limits.good_peak, self.limits.factor / 1.25),) * 2
+
+    @property
     def size(self) -> tuple[int, int]:
         """(width, height) of the pictures learnt from, in pixels."""
         return self.references.size

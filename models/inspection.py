@@ -12,6 +12,7 @@ from models.appearance import Appearance
 from models.errors import PictureError
 from models.frame import Frame
 from models.judging import judge
+from models.limits import Limits, promise
 from models.registration import WIDE, affine, full_pose
 from models.scoring import Look, Memory, look, regions, remember
 from models.tolerance import aligned, levels
@@ -35,6 +36,8 @@ class Inspection:
 
     appearance: Appearance
     policy: Policy
+    limits: Limits
+    """For the false-reject target and the sensitivity of the policy."""
     memory: Memory
     frames: tuple[ScoredFrame, ...] = ()
     dropped: int = 0
@@ -56,20 +59,21 @@ class Explanation:
 
 def begin(appearance: Appearance, policy: Policy | None = None) -> Inspection:
     """Before the first frame of a part."""
-    return Inspection(appearance, policy or Policy(), remember(appearance))
+    policy = policy or Policy()
+    factor = promise(appearance.peaks, policy.false_rejects).factor / policy.sensitivity
+    return Inspection(appearance, policy, replace(appearance.limits, factor=factor), remember(appearance))
 
 
 def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]:
     """Score one frame. Raises PictureError for a picture of another kind, and then nothing has changed."""
-    appearance, policy = inspection.appearance, inspection.policy
+    appearance = inspection.appearance
     kind = appearance.references.kind
     if frame.kind != kind:
         raise PictureError(
             f"frame {frame.sequence} is {frame.kind}, the appearance was learnt from {kind}; "
             "nothing else can be compared"
         )
-    limits = replace(appearance.limits, factor=appearance.limits.factor / policy.sensitivity)
-    memory, shown = look(appearance, limits, inspection.memory, frame)
+    memory, shown = look(appearance, inspection.limits, inspection.memory, frame)
     scored = _scored(inspection, frame, memory, shown)
     last = inspection.last_sequence
     dropped = inspection.dropped + (max(0, frame.sequence - last - 1) if last is not None else 0)

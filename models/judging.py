@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -44,6 +45,25 @@ def judge(
     verdict, reasons = _verdict(frames, policy, coverage, found, stopped)
     reasons = (*reasons, *_missing(covered, s, coverage, policy))
     return Result(verdict, reasons, coverage, len(scored), dropped, found, appearance_id, digest, tuple(frames))
+
+
+def rescaled(frames: Sequence[ScoredFrame], by: float) -> tuple[ScoredFrame, ...]:
+    """The frames as they would have scored with limits `by` times lower: `judge` them again, without a picture.
+
+    From one false-reject target to another, `by` is the old promise's factor over the new one's. Where limits fall,
+    regions are missing that had not reached the threshold; scores that were below half of it may be too high.
+    """
+    return tuple(
+        replace(
+            frame,
+            score=frame.score * by,
+            residuals=replace(frame.residuals, appearance=frame.residuals.appearance * by),
+            regions=tuple(
+                replace(region, score=region.score * by) for region in frame.regions if region.score * by >= 1.0
+            ),
+        )
+        for frame in frames
+    )
 
 
 def _verdict(

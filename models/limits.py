@@ -11,18 +11,17 @@ import numpy as np
 from jaxtyping import Float
 
 from models.errors import PolicyError
+from models.verdict import ALLOWED
 
-TARGETS = (0.0001, 0.5)
-"""False-reject targets that may be asked for."""
-USUAL = 0.487
-"""Assumed: the peak of a usual good sweep, middle of all products."""
-PRODUCTS = 0.15
+USUAL = 0.609
+"""Assumed: the peak of a usual good sweep; of the loud products, to be on the safe side."""
+PRODUCTS = 0.08
 """Assumed: how much that differs from product to product. Scale of a Student distribution of its logarithm."""
 FREEDOM = 4.0
 """Degrees of freedom of that: a product far from the usual is believed after a few sweeps."""
-SPREAD = 0.17
+SPREAD = 0.15
 """Assumed: standard deviation of the logarithm of the peaks of one product's good sweeps, middle of all products."""
-SPREADS = 0.35
+SPREADS = 0.3
 """How much that differs from product to product: standard deviation of its logarithm."""
 QUIET = 0.4
 """A peak below is noise, and says no more than that it lies below."""
@@ -94,7 +93,7 @@ class Promise:
         """In plain words.
 
         >>> print(promise((), 0.01).sentence())
-        one golden sweep: limit at 1.00 of the assumed tolerance; 1 % false rejects expected, 0 % to 3.4 % (90 %), \
+        one golden sweep: limit at 1.00 of the assumed tolerance; 1 % false rejects expected, 0 % to 4.4 % (90 %), \
 resting on the stated assumptions; 99 golden sweeps would promise 1 % without them
         """
         sweeps = f"{self.sweeps} golden sweeps" if self.sweeps > 1 else "one golden sweep"
@@ -125,11 +124,11 @@ def promise(peaks: Sequence[float], target: float) -> Promise:
 
     >>> loud = promise((1.7, 2.1, 2.4, 1.9, 2.0), 0.01)
     >>> round(loud.factor, 1), loud.needed
-    (3.1, 99)
+    (3.0, 99)
     >>> promise((), 0.05).factor < promise((), 0.01).factor
     True
     """
-    low, high = TARGETS
+    low, high = ALLOWED["false_rejects"]
     if not low <= target <= high:
         raise PolicyError(f"false_rejects is {target}, allowed are {low} to {high}")
     return _promised(tuple(float(peak) for peak in peaks), float(target))

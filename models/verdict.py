@@ -33,19 +33,23 @@ class Judgement(StrEnum):
     INVALID = "INVALID"
 
 
-_ALLOWED = {
+ALLOWED = {
+    "false_rejects": (0.0001, 0.5),
     "sensitivity": (0.01, 100.0),
     "review_margin": (0.0, 1.0),
     "hysteresis": (0.0, 1.0),
     "coverage": (0.0, 1.0),
     "invalid_share": (0.0, 1.0),
 }
+"""Lowest and highest value of each field of a policy."""
 
 
 @dataclass(frozen=True)
 class Policy:
     """Thresholds, apart from what was learnt; changed without learning again."""
 
+    false_rejects: float = 0.01
+    """Share of the good sweeps that may be NG; the limits are set by it (`models.limits.promise`)."""
     sensitivity: float = 1.0
     """Multiplies every score: above 1 finds weaker defects, below 1 forgives more."""
     review_margin: float = 0.05
@@ -58,7 +62,7 @@ class Policy:
     """More than this share of frames without a known place (or blind) is INVALID."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in _ALLOWED.items():
+        for name, (low, high) in ALLOWED.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise PolicyError(f"{name} is {value}, allowed are {low} to {high}")

@@ -21,10 +21,13 @@ def learn(
     Example: inspector learn golden-1.mcap golden-2.mcap --out board.appearance
     """
     from inspector.learner import learn_recordings
+    from models.limits import promise
+    from models.verdict import Policy
 
     with progress("learning") as share:
         appearance = learn_recordings(golden, out, share, topic=topic, tell=warn)
     width, height = appearance.size
     sweeps = "one golden sweep" if len(golden) == 1 else f"{len(golden)} golden sweeps"
     print(f"{out}: {appearance.places} places of {width}x{height} pixels, from {sweeps}")
+    print(f"  {promise(appearance.peaks, Policy.false_rejects).sentence()}")
     print(appearance.id)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import progress, warn
+from inspector.cli.terminal import false_reject_target, progress, warn
 
 if TYPE_CHECKING:
     from inspector.recording import SweepReader
@@ -32,6 +33,12 @@ def replay(
     policy: Annotated[
         Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
     ] = None,
+    false_rejects: Annotated[
+        float | None,
+        typer.Option(
+            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.01."
+        ),
+    ] = None,
     topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
     fail_on_ng: Annotated[bool, typer.Option("--fail-on-ng", help="Exit 3 on a verdict other than OK.")] = False,
 ) -> None:
@@ -44,7 +51,7 @@ def replay(
     from inspector.learner import load_appearance
     from inspector.policies import read_policy
     from inspector.recording import SweepReader
-    from inspector.result_json import result_record, write_result
+    from inspector.result_json import write_result
     from models.verdict import Judgement, Policy
 
     for out in (json, mcap):
@@ -52,10 +59,13 @@ def replay(
             refuse_taken(out)
     if filmstrip is not None:
         refuse_strips(filmstrip, sweep.stem)
+    settings = read_policy(policy) if policy else Policy()
+    if false_rejects is not None:
+        settings = replace(settings, false_rejects=false_rejects)
     recording, learnt = SweepReader(sweep, topic=topic), load_appearance(appearance)
-    replayed = _replayed(recording, learnt, read_policy(policy) if policy else Policy(), mcap)
+    replayed = _replayed(recording, learnt, settings, mcap)
     if json is not None:
-        write_result(json, result_record(replayed.result, replayed.facts, is_simulated=True))
+        write_result(json, _record(replayed, learnt, settings))
     _print(replayed, sweep)
     if filmstrip is not None:
         _write_filmstrips(filmstrip, recording, learnt, replayed, sweep.stem)
@@ -78,6 +88,14 @@ def _replayed(recording: SweepReader, appearance: Appearance, policy: Policy, mc
                 share((scored.index + 1) / total)
 
         return replay_recording(recording, appearance, policy, on_scored=on_scored, scored_recording=mcap)
+
+
+def _record(replayed: Replayed, appearance: Appearance, policy: Policy) -> dict[str, object]:
+    from inspector.result_json import result_record
+    from models.limits import promise
+
+    promised = promise(appearance.peaks, policy.false_rejects)
+    return result_record(replayed.result, replayed.facts, is_simulated=True, promise=promised)
 
 
 def _print(replayed: Replayed, sweep: Path) -> None:

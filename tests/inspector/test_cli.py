@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -66,6 +67,41 @@ def test_a_policy_changes_the_verdict_without_learning_again(line: Line, tmp_pat
     assert out.splitlines()[0].endswith(": OK")
 
 
+def test_the_false_reject_target_is_asked_for_over_the_policy_file_and_moves_every_score(
+    line: Line, tmp_path: Path, capsys: Captured
+) -> None:
+    (tmp_path / "p.json").write_text('{"false_rejects": 0.001, "review_margin": 0.0}')
+    records: list[dict[str, Any]] = []
+    for name, options in (("policy", ()), ("over", ("--false-rejects", 0.05))):
+        out = tmp_path / f"{name}.json"
+        told(
+            capsys,
+            "replay",
+            line.spot,
+            "--appearance",
+            line.file,
+            "--policy",
+            tmp_path / "p.json",
+            "--json",
+            out,
+            *options,
+        )
+        records.append(json.loads(out.read_text()))
+    strict, loose = (record["promise"] for record in records)
+    assert (strict["target"], loose["target"]) == (0.001, 0.05)
+    assert strict["factor"] > 1.3 * loose["factor"]
+    highest = [max(frame["score"] for frame in record["frames"]) for record in records]
+    assert highest[1] == pytest.approx(highest[0] * strict["factor"] / loose["factor"], rel=1e-3)
+    assert records[0]["digest"] != records[1]["digest"]
+
+
+def test_learning_says_what_the_golden_sweeps_can_promise(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    _, out, _ = told(capsys, "learn", line.golden[0], "--out", tmp_path / "a")
+    assert out.splitlines()[1].startswith(
+        "  one golden sweep: limit at 1.00 of the assumed tolerance; 1 % false rejects"
+    )
+
+
 def test_losses_are_warnings_and_the_results_stay_on_stdout(line: Line, tmp_path: Path, capsys: Captured) -> None:
     short = cut(line.golden[1], tmp_path / "short.mcap", 0.8)
     code, out, err = told(capsys, "learn", line.golden[0], short, "--out", tmp_path / "a")
@@ -80,6 +116,11 @@ REFUSED = {
     "no camera named": (["record", "--out", "{tmp}/a"], 2, "'--camera'"),
     "no frames": (["record", "--camera", "{url}", "--out", "{tmp}/a", "--frames", "0"], 2, "'0' is not allowed"),
     "no duration": (["record", "--camera", "{url}", "--out", "{tmp}/a", "--seconds", "-1"], 2, "'-1' is not allowed"),
+    "no target": (
+        ["replay", "{good}", "--appearance", "{file}", "--false-rejects", "0.6"],
+        2,
+        "0.6' is not allowed; allowed is a share of the good parts from 0.0001 to 0.5",
+    ),
     "no option": (["replay", "{good}", "--appearance", "{file}", "--bogus"], 2, "--bogus"),
     "a camera": (["record", "--camera", "bogus:", "--out", "{tmp}/a"], 1, "known are simulated, folder, opencv"),
     "a folder": (["record", "--camera", "{url}", "--out", "{tmp}/no/a"], 1, "/no/a cannot be written"),

@@ -27,10 +27,15 @@ def test_every_field_of_a_policy_can_be_asked_for_and_has_its_usual_value() -> N
     ("content", "said"),
     [
         ('{"coverage": 1.5}', "coverage is 1.5; it should be less than or equal to 1"),
+        ('{"false_rejects": 0.6}', "false_rejects is 0.6; it should be less than or equal to 0.5"),
+        ('{"false_rejects": 0}', "false_rejects is 0; it should be greater than or equal to 0.0001"),
         ('{"sensitivity": 0}', "sensitivity is 0; it should be greater than 0"),
         ('{"hysteresis": "much"}', "hysteresis is 'much'; it should be a valid number"),
         ('{"hysteresis": NaN}', "hysteresis is nan; it should be"),
-        ('{"sensivity": 1}', "sensivity is not a field of a policy; known are sensitivity, review_margin"),
+        (
+            '{"sensivity": 1}',
+            "sensivity is not a field of a policy; known are false_rejects, sensitivity, review_margin",
+        ),
         ("[1]", "no policy: "),
         ("{", "no policy: invalid JSON"),
         (None, "No such file"),

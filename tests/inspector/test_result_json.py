@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from inspector.errors import OutputExists
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from inspector.result_json import result_record, write_result
+from models.limits import promise
 from models.verdict import Deviation, FrameState, Judgement, Region, Residuals, Result, ScoredFrame
 from tests.inspector.conftest import Line
 
@@ -51,7 +53,14 @@ def test_every_name_and_value_is_there(tmp_path: Path) -> None:
         "product_id": "valve", "part_id": "7", "recipe_id": None, "appearance_id": "sha256:a", "verdict": "NG",
         "result_state": "completed", "is_partial": False, "is_simulated": True, "reasons": ["why"],
         "coverage": 0.998, "frames_scored": 398, "frames_dropped": 2, "digest": "sha256:d",
+        "promise": None,
     }  # fmt: skip
+
+
+def test_what_the_limits_were_set_by_is_there_for_whoever_judges_the_scores_again() -> None:
+    promised = promise((0.6, 0.7), 0.01)
+    told = result_record(RESULT, {}, is_simulated=True, promise=promised)["promise"]
+    assert told == pytest.approx(asdict(promised), abs=1e-6)
 
 
 def test_what_nobody_told_is_null_and_every_result_has_an_id_of_its_own() -> None:

@@ -7,9 +7,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from models.appearance import Appearance
 from models.errors import PictureError
 from models.frame import Frame
 from models.inspection import Inspection, begin, conclude, digest, explain, step
+from models.judging import rescaled
+from models.limits import Limits, promise
 from models.verdict import FrameState, Judgement, Policy, Result, ScoredFrame
 from tests.models.parts import (
     FIRST,
@@ -237,6 +240,28 @@ def test_twice_the_sensitivity_gives_twice_the_score():
     for one, two in zip(once, twice, strict=True):
         assert two.score == pytest.approx(2 * one.score, rel=1e-4, abs=1e-6)
         assert two.raw_score == pytest.approx(one.raw_score, rel=1e-4, abs=1e-6)
+
+
+def learnt_with(peak: float) -> Appearance:
+    """As if the golden sweeps had reached that."""
+    limits = Limits(factor=max(1.0, 1.25 * peak), good_peak=peak)
+    return replace(golden(), limits=limits)
+
+
+@pytest.mark.parametrize("target", [0.0001, 0.05, 0.5])
+def test_scores_are_in_units_of_what_the_golden_sweeps_promise_at_the_target(target: float):
+    for peak in (0.1, 1.5):
+        appearance = learnt_with(peak)
+        usual, asked = (inspected(appearance, spotted(), policy)[0] for policy in (None, Policy(false_rejects=target)))
+        by = promise(appearance.peaks, 0.01).factor / promise(appearance.peaks, target).factor
+        for one, two in zip(rescaled(usual.frames, by), asked.frames, strict=True):
+            assert two.raw_score == pytest.approx(one.raw_score, rel=1e-4, abs=1e-6) or max(one.score, two.score) < 0.5
+            assert two.score == pytest.approx(one.score, rel=1e-4, abs=1e-6) or max(one.score, two.score) < 0.5
+
+
+def test_golden_sweeps_that_differ_more_score_less():
+    quiet, loud = (inspected(learnt_with(peak), spotted())[0] for peak in (0.1, 2.0))
+    assert peak(quiet.frames).score > 2.5 * peak(loud.frames).score
 
 
 def test_no_frame_at_all_is_invalid():

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.fixture import Path
-from models.judging import judge
+from models.judging import judge, rescaled
 from models.verdict import Deviation, FrameState, Judgement, Policy, Region, Residuals, Result, ScoredFrame
 from tests.models.parts import MANY
 
@@ -212,6 +212,18 @@ def test_a_sweep_backwards_is_for_review_where_nothing_weighs_more(frames: list[
     result = judged(frames)
     assert result.verdict is verdict
     assert any("ran backwards" in reason for reason in result.reasons) is (verdict is Judgement.REVIEW)
+
+
+@given(scores=st.lists(st.floats(0, 3), min_size=N, max_size=N), by=st.floats(0.2, 5))
+@MANY
+def test_stored_scores_are_judged_again_for_other_limits(scores: list[float], by: float):
+    stored = [scored(i, score) for i, score in enumerate(scores)]
+    again = rescaled(stored, by)
+    assert [f.score for f in again] == pytest.approx([by * score for score in scores])
+    assert [(f.index, f.s, f.raw_score) for f in again] == [(f.index, f.s, f.raw_score) for f in stored]
+    assert all(region.score >= 1 for f in again for region in f.regions)
+    highest = max(f.score for f in again)
+    assert (judged(again).verdict is Judgement.NG) is (highest >= 1)
 
 
 @given(turns=st.tuples(st.integers(20, N - 2), st.integers(1, 18)))

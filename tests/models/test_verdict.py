@@ -10,7 +10,7 @@ from models.errors import NumericError, PolicyError
 from models.verdict import Policy
 
 SHARES = ("review_margin", "hysteresis", "coverage", "invalid_share")
-ALL = ("sensitivity", *SHARES)
+ALL = ("false_rejects", "sensitivity", *SHARES)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -26,6 +26,12 @@ def test_a_sensitivity_that_finds_nothing_is_refused(value: float):
         Policy(sensitivity=value)
 
 
+@pytest.mark.parametrize("value", [0.0, 0.00009, 0.51, 1.0])
+def test_a_false_reject_target_that_nobody_can_mean_is_refused(value: float):
+    with pytest.raises(PolicyError, match=rf"^false_rejects is {value}, allowed are 0\.0001 to 0\.5$"):
+        Policy(false_rejects=value)
+
+
 @pytest.mark.parametrize("name", SHARES)
 def test_a_share_is_from_nothing_to_all_with_both(name: str):
     assert [getattr(Policy(**{name: value}), name) for value in (0.0, 1.0)] == [0.0, 1.0]
@@ -33,10 +39,10 @@ def test_a_share_is_from_nothing_to_all_with_both(name: str):
         Policy(**{name: 1.0001})
 
 
-@given(sensitivity=st.floats(0.01, 100), share=st.floats(0, 1))
-def test_what_is_allowed_is_kept_as_it_is(sensitivity: float, share: float):
-    policy = Policy(sensitivity, *(share,) * len(SHARES))
-    assert [getattr(policy, name) for name in ALL] == [sensitivity, *(share,) * len(SHARES)]
+@given(target=st.floats(0.0001, 0.5), sensitivity=st.floats(0.01, 100), share=st.floats(0, 1))
+def test_what_is_allowed_is_kept_as_it_is(target: float, sensitivity: float, share: float):
+    policy = Policy(target, sensitivity, *(share,) * len(SHARES))
+    assert [getattr(policy, name) for name in ALL] == [target, sensitivity, *(share,) * len(SHARES)]
 
 
 def test_whoever_catches_what_models_raise_catches_this():
