@@ -15,7 +15,7 @@ Picture: TypeAlias = UInt8[np.ndarray, "h w 3"]
 Colour = tuple[int, int, int]
 """Blue, green, red."""
 
-PAPER, INK, FAINT, RULE = (250, 250, 250), (40, 40, 40), (130, 130, 130), (205, 205, 205)
+PAPER, INK, FAINT, RULE = (250, 250, 250), (40, 40, 40), (100, 100, 100), (205, 205, 205)
 BRIGHT, DARK = (30, 50, 225), (225, 90, 20)
 """Brighter than expected: red; darker: blue."""
 SILENT = 3.0

@@ -49,39 +49,70 @@ def write_filmstrips(
     NotWritten.
     """
     refuse_strips(folder, name)
-    wanted = {number: chosen(each, result.frames) for number, each in enumerate(result.deviations, start=1)}
-    shots: dict[int, list[Shot]] = {number: [] for number, indices in wanted.items() if indices}
-    if shots:
+    for number, picture in filmstrips(frames, appearance, result, result.deviations, name):
         folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{name}-{number}.png"
+        write_new(path, encode_png(picture).data)
+        yield path
+
+
+def filmstrips(
+    frames: Iterable[Frame],
+    appearance: Appearance,
+    result: Result,
+    shown: Sequence[Deviation],
+    name: str,
+    *,
+    around: Sequence[int] = AROUND,
+) -> Iterator[tuple[int, np.ndarray]]:
+    """A picture (h, w, 3) per deviation shown, with its number from 1; `frames` are those inspected, once more."""
+    wanted = {number: chosen(each, result.frames, around) for number, each in enumerate(shown, start=1)}
+    shots: dict[int, list[Shot]] = {number: [] for number, indices in wanted.items() if indices}
     for scored, frame in zip(result.frames, frames, strict=False):
+        if not shots:
+            return
         for number in [number for number in shots if scored.index in wanted[number]]:
             if (explanation := explain(appearance, frame, scored)) is not None:
                 shots[number].append(Shot(scored, explanation))
             if scored.index == wanted[number][-1]:
-                path = folder / f"{name}-{number}.png"
-                write_new(path, encode_png(strip(result, number, shots.pop(number), name)).data)
-                yield path
+                yield number, strip(result, shown[number - 1], shots.pop(number), name)
 
 
-def chosen(deviation: Deviation, frames: Sequence[ScoredFrame]) -> tuple[int, ...]:
+def peak_of(result: Result) -> Deviation | None:
+    """What to show of a part: its highest deviation, or the frame that came nearest to one; None where none was scored.
+
+    The latter is none of the result's deviations.
+    """
+    if wrong := [each for each in result.deviations if each.kind == "appearance"]:
+        return max(wrong, key=lambda each: each.peak_score)
+    scored = [frame for frame in result.frames if frame.state is FrameState.SCORED and frame.reference >= 0]
+    if not scored:
+        return None
+    peak = max(scored, key=lambda frame: frame.score)
+    s, at = peak.s or 0.0, peak.index
+    return Deviation(s, s, at, at + 1, "appearance", None, peak.score, at, peak.regions)
+
+
+def chosen(deviation: Deviation, frames: Sequence[ScoredFrame], around: Sequence[int] = AROUND) -> tuple[int, ...]:
     """Indices of the frames to show: the peak and some about it, of those that were compared."""
     compared = [f.index for f in frames if f.state is FrameState.SCORED and f.reference >= 0]
     if not compared:
         return ()
     peak = int(np.abs(np.array(compared) - deviation.peak_index).argmin())
     step = max(2, (deviation.index_end - deviation.index_start) // 4)
-    return tuple(sorted({compared[min(max(peak + k * step, 0), len(compared) - 1)] for k in AROUND}))
+    return tuple(sorted({compared[min(max(peak + k * step, 0), len(compared) - 1)] for k in around}))
 
 
-def strip(result: Result, number: int, shots: Sequence[Shot], name: str) -> np.ndarray:
-    """The whole picture (h, w, 3) for deviation `number`, counted from 1, of the part of that name."""
-    deviation = result.deviations[number - 1]
+def strip(result: Result, deviation: Deviation, shots: Sequence[Shot], name: str) -> np.ndarray:
+    """The whole picture (h, w, 3) for a deviation, or for the peak of a part without one, of the part of that name."""
     peak = min(shots, key=lambda shot: abs(shot.scored.index - deviation.peak_index))
     view, full = View.whole(peak.explanation.expected, TILE), _full_colour(peak)
     columns = [_column(shot, view, full, _title(shot.scored), shot is peak) for shot in shots]
-    columns.append(_column(peak, _close(peak, deviation, view), full, f"frame {peak.scored.index}, close", True))
+    close = _close(peak, deviation, view)
+    if close is not None:
+        columns.append(_column(peak, close, full, f"frame {peak.scored.index}, close", True))
     grid = np.hstack([_labels(view.size[1]), *columns])
-    head = _header(result, number, grid.shape[1], name)
+    head = _header(result, deviation, grid.shape[1], name)
     foot = _footer(result, deviation, grid.shape[1], full)
     return np.vstack([head, grid, foot])
 
@@ -96,11 +127,11 @@ def _full_colour(peak: Shot) -> float:
     return float(np.clip(np.percentile(difference, 99.8), 24, 120))
 
 
-def _close(peak: Shot, deviation: Deviation, view: View) -> View:
-    """A closer look at the strongest region; at the whole picture where there is none."""
+def _close(peak: Shot, deviation: Deviation, view: View) -> View | None:
+    """A closer look at the strongest region; None where there is none."""
     regions = peak.scored.regions or deviation.regions
     if not regions:
-        return view
+        return None
     corners = _corners(max(regions, key=lambda region: region.score), peak.explanation)
     low, high = corners.min(axis=0), corners.max(axis=0)
     x, y = (low + high) / 2
@@ -146,18 +177,26 @@ def _labels(height: int) -> np.ndarray:
     return labels
 
 
-def _header(result: Result, number: int, width: int, name: str) -> np.ndarray:
-    d, header = result.deviations[number - 1], drawing.blank(width, HEADER)
-    what = WORDS.get(d.polarity or "", d.kind)
-    drawing.write(
-        header, f"{name}   {result.verdict}   {what} at s {d.s_start:.3f} to {d.s_end:.3f}", (8, 28), size=0.8
-    )
-    said = (
-        f"deviation {number} of {len(result.deviations)}: frames {d.index_start} to {d.index_end - 1},"
-        f" peak score {d.peak_score:.2f} at frame {d.peak_index} (1.0 is the threshold)"
-    )
-    drawing.write(header, said, (8, 52), drawing.FAINT)
+def _header(result: Result, deviation: Deviation, width: int, name: str) -> np.ndarray:
+    header, (title, said) = drawing.blank(width, HEADER), _told(result, deviation)
+    drawing.write(header, f"{name}   {result.verdict}   {title}", (8, 28), size=0.8)
+    drawing.write(header, f"{said} (1.0 is the threshold)", (8, 52), drawing.FAINT)
     return header
+
+
+def _told(result: Result, d: Deviation) -> tuple[str, str]:
+    if d not in result.deviations:
+        return (
+            f"highest score {d.peak_score:.2f} at s {d.s_start:.3f}",
+            f"nothing looks out of tolerance: frame {d.peak_index} comes nearest",
+        )
+    what = WORDS.get(d.polarity or "", d.kind)
+    number = result.deviations.index(d) + 1
+    return (
+        f"{what} at s {d.s_start:.3f} to {d.s_end:.3f}",
+        f"deviation {number} of {len(result.deviations)}: frames {d.index_start} to {d.index_end - 1},"
+        f" peak score {d.peak_score:.2f} at frame {d.peak_index}",
+    )
 
 
 def _footer(result: Result, deviation: Deviation, width: int, full: float) -> np.ndarray:

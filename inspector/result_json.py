@@ -36,7 +36,7 @@ def result_record(
         "is_partial": False,
         "is_simulated": is_simulated,
         "reasons": list(result.reasons),
-        "coverage": _number(result.coverage),
+        "coverage": number(result.coverage),
         "frames_scored": result.frames_scored,
         "frames_dropped": result.frames_dropped,
         "digest": result.digest,
@@ -48,13 +48,13 @@ def result_record(
 
 def _deviation(deviation: Deviation) -> dict[str, object]:
     return {
-        "s_start": _number(deviation.s_start),
-        "s_end": _number(deviation.s_end),
+        "s_start": number(deviation.s_start),
+        "s_end": number(deviation.s_end),
         "index_start": deviation.index_start,
         "index_end": deviation.index_end,
         "kind": deviation.kind,
         "polarity": deviation.polarity,
-        "peak_score": _number(deviation.peak_score),
+        "peak_score": number(deviation.peak_score),
         "peak_index": deviation.peak_index,
         "regions": [_region(region) for region in deviation.regions],
     }
@@ -66,19 +66,19 @@ def _frame(frame: ScoredFrame) -> dict[str, object]:
         "index": frame.index,
         "t_ns": frame.t_ns,
         "state": frame.state.value,
-        "s": None if frame.s is None else _number(frame.s),
-        "score": _number(frame.score),
-        "raw_score": _number(frame.raw_score),
+        "s": None if frame.s is None else number(frame.s),
+        "score": number(frame.score),
+        "raw_score": number(frame.raw_score),
         "residuals": {
-            "appearance": _number(residuals.appearance),
-            "position": _number(residuals.position),
-            "timing": _number(residuals.timing),
+            "appearance": number(residuals.appearance),
+            "position": number(residuals.position),
+            "timing": number(residuals.timing),
         },
         "regions": [_region(region) for region in frame.regions],
     }
 
 
-def _number(value: float) -> float:
+def number(value: float) -> float:
     """A millionth is below what any of these numbers means."""
     return round(float(value), 6)
 
@@ -89,7 +89,7 @@ def _region(region: Region) -> dict[str, object]:
         "y": region.y,
         "width": region.width,
         "height": region.height,
-        "score": _number(region.score),
+        "score": number(region.score),
         "polarity": region.polarity,
     }
 

@@ -1,4 +1,4 @@
-"""The command line: `inspector record | learn | replay | demo`; every error is one line and an exit code.
+"""The command line: `inspector record | learn | replay | evaluate | demo`; every error is one line and an exit code.
 
 Exit codes: 0 did its job, 1 an inspection could not be made, 2 wrong usage, 3 `replay --fail-on-ng`, 130 interrupted.
 """
@@ -13,13 +13,14 @@ from typing import Annotated
 import typer
 
 from inspector.cli.demo import demo
+from inspector.cli.evaluate import evaluate
 from inspector.cli.learn import learn
 from inspector.cli.record import record
 from inspector.cli.replay import replay
 from models.errors import InspectionError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-for command in (record, learn, replay, demo):
+for command in (record, learn, replay, evaluate, demo):
     app.command()(command)
 
 

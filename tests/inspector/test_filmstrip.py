@@ -12,7 +12,19 @@ import pytest
 from inspector import drawing
 from inspector.drawing import View
 from inspector.errors import OutputExists
-from inspector.filmstrip import CAPTION, GAP, GUTTER, HEADER, TILE, Shot, chosen, strip, write_filmstrips
+from inspector.filmstrip import (
+    CAPTION,
+    GAP,
+    GUTTER,
+    HEADER,
+    TILE,
+    Shot,
+    chosen,
+    filmstrips,
+    peak_of,
+    strip,
+    write_filmstrips,
+)
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from models.inspection import Explanation
@@ -44,7 +56,7 @@ def strip_of_a_dark_spot() -> np.ndarray:
         Shot(peak, Explanation(expected, seen, difference, SHIFT)),
         Shot(scored(60), Explanation(expected, expected, np.zeros_like(difference), SHIFT)),
     ]
-    return strip(result, 1, shots, "part 7")
+    return strip(result, deviation, shots, "part 7")
 
 
 def tile(picture: np.ndarray, row: int, column: int) -> np.ndarray:
@@ -122,6 +134,26 @@ def test_a_strip_for_each_deviation_and_none_for_a_good_part(line: Line, tmp_pat
     assert picture is not None
     assert picture.shape[0] > 3 * 240
     assert picture.shape[1] > 4 * TILE
+
+
+def test_a_good_part_can_be_shown_at_its_peak(line: Line) -> None:
+    recording = SweepReader(line.good)
+    result = replay(recording, line.appearance).result
+    peak = peak_of(result)
+    assert peak is not None
+    assert peak.peak_score == max(frame.score for frame in result.frames)
+    assert peak not in result.deviations
+    [(number, picture)] = filmstrips(recording, line.appearance, result, [peak], "good", around=(-1, 0, 1))
+    assert (number, picture.shape[1]) == (1, GUTTER + 3 * (TILE + GAP))
+
+
+def test_a_bad_part_is_shown_at_its_highest_deviation_and_a_blind_one_not_at_all(line: Line) -> None:
+    result = replay(SweepReader(line.spot), line.appearance).result
+    peak = peak_of(result)
+    assert peak in result.deviations
+    assert peak == max(result.deviations, key=lambda each: each.peak_score)
+    lost = tuple(replace(frame, state=FrameState.LOST) for frame in result.frames)
+    assert peak_of(replace(result, deviations=(), frames=lost)) is None
 
 
 def test_strips_are_never_overwritten(line: Line, tmp_path: Path) -> None:

@@ -1,0 +1,96 @@
+"""`inspector evaluate`: a labelled set of recordings as a regression test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from inspector.cli.terminal import progress, warn
+
+if TYPE_CHECKING:
+    from inspector.evaluation.labelled_set import LabelledSet
+    from inspector.evaluation.running import Run
+    from models.appearance import Appearance
+
+
+def evaluate(
+    folder: Annotated[Path, typer.Argument(help="Holds golden*.mcap, good*.mcap, bad*.mcap, and X.truth.json of any.")],
+    *,
+    appearance: Annotated[
+        Path | None, typer.Option(metavar="PART.appearance", help="Take this one, and do not learn from golden*.mcap.")
+    ] = None,
+    policy: Annotated[
+        Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
+    ] = None,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Compare with another appearance, another policy, or an earlier OUT.json."),
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="OUT.json", help="New file for every figure.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="OUT.html", help="New file for one page with pictures.")] = None,
+    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+) -> None:
+    """Learn, inspect and count a labelled set: false rejects, escapes, what was found, the worst cases.
+
+    Example: inspector evaluate parts --html parts.html --baseline released.appearance
+    """
+    from datetime import UTC, datetime
+    from json import dumps
+
+    from inspector.evaluation.baseline import compared, read_baseline
+    from inspector.evaluation.labelled_set import read_set
+    from inspector.evaluation.page import page
+    from inspector.evaluation.record import Evaluation, evaluation_record
+    from inspector.evaluation.running import run
+    from inspector.evaluation.summary import lines
+    from inspector.files import refuse_taken, write_new
+    from inspector.policies import read_policy
+    from models.verdict import Policy
+
+    if json is not None and json == html:
+        raise typer.BadParameter(f"--json and --html both name {json}; allowed are two files")
+    for out in (json, html):
+        if out is not None:
+            refuse_taken(out)
+    labelled = read_set(folder, learns=appearance is None)
+    thresholds = read_policy(policy) if policy else Policy()
+    source = read_baseline(baseline) if baseline else None
+    learnt = _appearance(labelled, appearance, topic)
+    with progress("inspecting") as share:
+        now = run(labelled.parts, learnt, thresholds, share, topic=topic)
+    beside = None
+    if baseline is not None and source is not None:
+        with progress("comparing") as share:
+            beside = compared(baseline, source, now, labelled.parts, share, topic=topic)
+    evaluation = Evaluation(labelled, now, appearance is None, datetime.now(UTC), beside)
+    if json is not None:
+        write_new(json, dumps(evaluation_record(evaluation), indent=1, allow_nan=False).encode() + b"\n")
+    if html is not None:
+        write_new(html, page(evaluation, topic=topic).encode())
+    _warn(now)
+    for line in lines(evaluation):
+        print(line)
+    if now.failed:
+        raise typer.Exit(1)
+
+
+def _appearance(labelled: LabelledSet, given: Path | None, topic: str | None) -> Appearance:
+    """The one that was given, or what the golden sweeps teach."""
+    from tempfile import TemporaryDirectory
+
+    from inspector.learner import learn_recordings, load_appearance
+
+    if given is not None:
+        return load_appearance(given)
+    with TemporaryDirectory() as folder, progress("learning") as share:
+        return learn_recordings(labelled.golden, Path(folder) / "learnt", share, topic=topic, tell=warn)
+
+
+def _warn(run: Run) -> None:
+    for part in run.inspected:
+        for loss in part.losses:
+            warn(f"{part.outcome.name}: {loss}")
+    for failed in run.failed:
+        warn(f"{failed.name} was not inspected: {failed.why}")
