@@ -16,8 +16,8 @@ from models.verdict import FrameState, Result
 Point = tuple[float, float]
 
 WIDTH, LEFT, RIGHT = 720, 44, 16
-LANE, DOT = 64, 4.5
-TICKS = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+LANE, DOT = 72, 4.5
+TICKS = (0.0, 0.25, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 SQUARE = 280
 
 
@@ -25,12 +25,10 @@ def scores_chart(parts: Sequence[Inspected]) -> str:
     """Every part's highest score, good above bad, on a root scale; those that were judged wrongly are crosses."""
     scored = [part.outcome for part in parts if part.outcome.score is not None]
     top = max([1.5, *(1.08 * (each.score or 0.0) for each in scored)])
-    x = [LEFT + (WIDTH - LEFT - RIGHT) * sqrt(tick / top) for tick in TICKS if tick <= top]
     foot = 2 * LANE + 8
-    marks = [
-        _line((at, 4), (at, foot), "grid") + _text(f"{tick:g}", at, foot + 16, "middle")
-        for at, tick in zip(x, TICKS, strict=False)
-    ]
+    marks: list[str] = []
+    for at, tick in _ticks(top):
+        marks += [_line((at, 4), (at, foot), "grid"), _text(f"{tick:g}", at, foot + 16, "middle")]
     limit = LEFT + (WIDTH - LEFT - RIGHT) * sqrt(1 / top)
     marks.append(_line((limit, 0), (limit, foot), "limit"))
     marks.append(
@@ -42,6 +40,13 @@ def scores_chart(parts: Sequence[Inspected]) -> str:
         marks += _swarm([each for each in scored if each.label is label], middle, top)
     name = f"Scores of {len(scored)} parts against the limit"
     return _svg(WIDTH, foot + 42, name, marks)
+
+
+def _ticks(top: float) -> list[Point]:
+    """Where the axis is marked, and with what; no mark hides another, and the limit is among them."""
+    found = [(LEFT + (WIDTH - LEFT - RIGHT) * sqrt(tick / top), tick) for tick in TICKS if tick <= top]
+    limit = next(at for at, tick in found if tick == 1)
+    return [(at, tick) for at, tick in found if tick in (0, 1) or (at - LEFT > 32 and abs(at - limit) > 32)]
 
 
 def _swarm(parts: Iterable[Outcome], middle: float, top: float) -> list[str]:

@@ -15,7 +15,7 @@ p { margin: .4rem 0; max-width: 50rem; }
 .faint, figcaption, caption, small { color: var(--faint); }
 .id { font-family: ui-monospace, "DejaVu Sans Mono", monospace; font-size: .85em; overflow-wrap: anywhere; }
 .wrong { color: var(--wrong); font-weight: 600; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(11rem, 1fr)); gap: .8rem; margin: 1.2rem 0;
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(10rem, 1fr)); gap: .8rem; margin: 1.2rem 0;
   padding: 0; list-style: none; }
 .tiles li { background: var(--panel); border: 1px solid var(--rule); border-radius: .4rem; padding: .7rem .9rem; }
 .tiles b { display: block; font-size: 1.5rem; line-height: 1.3; font-variant-numeric: tabular-nums; }

@@ -172,26 +172,26 @@ def test_another_policy_is_compared_part_by_part(line: Line, tmp_path: Path, cap
     assert "Against the baseline" in (tmp_path / "e.html").read_text()
 
 
-def test_an_earlier_evaluation_and_its_appearance_are_baselines_too(
+def test_an_earlier_evaluation_is_a_baseline_and_a_recording_that_was_replaced_since_is_named(
     evaluated: Evaluated, line: Line, tmp_path: Path, capsys: Captured
 ) -> None:
-    (tmp_path / "earlier.json").write_text(json.dumps(evaluated.record))
-    for number, baseline in enumerate((tmp_path / "earlier.json", line.file)):
-        out = tmp_path / f"{number}.json"
-        options = ("--appearance", line.file, "--baseline", baseline, "--json", out)
-        assert told(capsys, evaluated.folder, *options)[0] == 0
-        found = json.loads(out.read_text())["baseline"]
-        assert (found["parts"], found["changed"], found["only_now"], found["other_recordings"]) == (4, [], [], [])
-        assert {each["turn"] for each in found["differences"].values()} == {"same"}
-
-
-def test_a_recording_that_was_replaced_since_is_named(evaluated: Evaluated, line: Line, tmp_path: Path) -> None:
     earlier = json.loads(json.dumps(evaluated.record))
-    earlier["parts"][0]["recording"] = "sha256:other"
+    next(part for part in earlier["parts"] if part["name"] == "good-1")["recording"] = "sha256:other"
     (tmp_path / "earlier.json").write_text(json.dumps(earlier))
     options = ("--appearance", line.file, "--baseline", tmp_path / "earlier.json", "--json", tmp_path / "e.json")
-    assert run(["evaluate", str(evaluated.folder), *map(str, options)]) == 0
-    assert json.loads((tmp_path / "e.json").read_text())["baseline"]["other_recordings"] == ["good-1"]
+    assert told(capsys, evaluated.folder, *options)[0] == 0
+    found = json.loads((tmp_path / "e.json").read_text())["baseline"]
+    assert (found["parts"], found["changed"], found["only_now"], found["only_before"]) == (4, [], [], [])
+    assert found["other_recordings"] == ["good-1"]
+    assert {each["turn"] for each in found["differences"].values()} == {"same"}
+
+
+def test_an_appearance_is_a_baseline_too(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    folder = a_set(tmp_path / "set", line, good=line.good)
+    code, out, _ = told(capsys, folder, "--appearance", line.file, "--baseline", line.file)
+    assert code == 0
+    assert "against plate.appearance (another appearance, the same policy), 1 parts:" in out
+    assert "no part changed its verdict" in out
 
 
 def test_a_recording_that_cannot_be_read_is_named_and_the_rest_goes_on(

@@ -25,7 +25,7 @@ def tallies(draw: st.DrawFn) -> Tally:
 
 
 @st.composite
-def sets(draw: st.DrawFn, count: int = 6) -> list[Outcome]:
+def sets(draw: st.DrawFn, count: int = 4) -> list[Outcome]:
     return [
         Outcome(
             f"part {n}",
