@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import progress, warn
+from inspector.cli.terminal import false_reject_target, progress, warn
 
 if TYPE_CHECKING:
     from inspector.evaluation.labelled_set import LabelledSet
@@ -23,6 +24,12 @@ def evaluate(
     ] = None,
     policy: Annotated[
         Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
+    ] = None,
+    false_rejects: Annotated[
+        float | None,
+        typer.Option(
+            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.01."
+        ),
     ] = None,
     baseline: Annotated[
         Path | None,
@@ -56,6 +63,8 @@ def evaluate(
             refuse_taken(out)
     labelled = read_set(folder, learns=appearance is None)
     thresholds = read_policy(policy) if policy else Policy()
+    if false_rejects is not None:
+        thresholds = replace(thresholds, false_rejects=false_rejects)
     source = read_baseline(baseline) if baseline else None
     learnt = _appearance(labelled, appearance, topic)
     with progress("inspecting") as share:

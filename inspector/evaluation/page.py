@@ -105,7 +105,8 @@ def _verdicts(evaluation: Evaluation) -> str:
     ]
     verdicts = table(("verdict", *(f"{label} parts" for label in Label)), rows, "Verdict by label", numbers=2)
     both = f'<div class="beside">{verdicts}{_figures(evaluation.summary)}</div>'
-    return f"<section><h2>Verdicts and figures</h2>{both}</section>"
+    promised = f"<p>{escape(evaluation.promise.sentence())}</p>"
+    return f"<section><h2>Verdicts and figures</h2>{both}{promised}</section>"
 
 
 def _figures(summary: Summary) -> str:

@@ -18,6 +18,7 @@ from inspector.evaluation.part_records import part_record
 from inspector.evaluation.running import Failed, Run
 from models.comparison import Changed, Difference
 from models.labelled import Label, Summary, summarise
+from models.limits import Promise, promise
 from models.measures import CONFIDENCE, Proportion
 
 VERSION = 1
@@ -43,6 +44,11 @@ class Evaluation:
     def summary(self) -> Summary:
         """The figures."""
         return summarise(self.run.outcomes)
+
+    @cached_property
+    def promise(self) -> Promise:
+        """What the golden sweeps promise of false rejects, to hold what was counted against."""
+        return promise(self.run.appearance.peaks, self.run.policy.false_rejects)
 
     @cached_property
     def golden(self) -> tuple[str, ...]:
@@ -78,6 +84,7 @@ def evaluation_record(evaluation: Evaluation) -> dict[str, object]:
         "appearance_id": run.appearance.id,
         "appearance": dict(run.appearance.facts),
         "policy": asdict(run.policy),
+        "promise": asdict(evaluation.promise),
         "libraries": evaluation.libraries,
         "counts": {
             **{label.value: evaluation.count(label) for label in Label},

@@ -143,7 +143,7 @@ def test_the_terminal_is_told_the_same(evaluated: Evaluated) -> None:
 def test_without_a_truth_what_it_tells_is_null_and_never_nothing(line: Line, tmp_path: Path, capsys: Captured) -> None:
     folder = a_set(tmp_path / "set", line, good=line.good, bad=line.spot)
     options = ("--appearance", line.file, "--json", tmp_path / "e.json", "--html", tmp_path / "e.html")
-    code, out, err = told(capsys, folder, *options)
+    code, out, err = told(capsys, folder, *options, "--false-rejects", 0.05)
     assert (code, err) == (0, "")
     assert "Frame AUROC" not in out
     found = json.loads((tmp_path / "e.json").read_text())
@@ -152,6 +152,7 @@ def test_without_a_truth_what_it_tells_is_null_and_never_nothing(line: Line, tmp
     assert found["figures"]["frames_not_scored"]["of"] > 100
     assert [part["truth"] for part in found["parts"]] == [None, None]
     assert (found["golden"], found["counts"]["with_truth"]) == ([], 0)
+    assert found["policy"]["false_rejects"] == found["promise"]["target"] == 0.05
     assert "not known" in (tmp_path / "e.html").read_text()
 
 
