@@ -18,7 +18,7 @@ from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
 from models.fixture import Path
 from models.limits import Limits
-from models.localise import Guide
+from models.localise import Guide, asked
 from models.manifold import Manifold
 from models.position import Track
 from models.preparation import Preparation
@@ -47,6 +47,10 @@ class Appearance:
     """How z moves with the picture: per pixel of shift in x and y, per radian, per unit of shading in x and y."""
     motion: Float[np.ndarray, "n 2"]
     """How far the picture moves from each place to the next, in pixels."""
+    rivals: Float[np.ndarray, " n"]
+    """Agreement that pictures of other places reach at each place, in [0, 1]."""
+    reached: Float[np.ndarray, " n"]
+    """The lowest agreement that golden sweeps beyond the first reached there; 1 where there were none."""
     keys: Int[np.ndarray, " m"]
     """The places whose pictures are kept, increasing; frames between them are compared with the nearest by travel."""
     points: UInt[np.ndarray, "m p"]
@@ -100,7 +104,8 @@ class Appearance:
     @cached_property
     def guide(self) -> Guide:
         """What places a frame."""
-        return Guide(self.track, self.path, lambda place: self.references.get(place).template)
+        enough = asked(self.rivals.astype(float), self.reached.astype(float))
+        return Guide(self.track, self.path, lambda place: self.references.get(place).template, enough)
 
     @cached_property
     def path(self) -> Path:
@@ -120,6 +125,8 @@ class Appearance:
             **{f"manifold.{k}": v for k, v in self.manifold.arrays().items()},
             "slope": self.slope,
             "motion": self.motion,
+            "rivals": self.rivals,
+            "reached": self.reached,
             "keys": self.keys,
             "points": self.points,
             **_joined("pictures", self.pictures),
@@ -148,6 +155,8 @@ class Appearance:
                 Manifold.from_parts(header["manifold"], _under("manifold.", arrays)),
                 arrays["slope"],
                 arrays["motion"],
+                arrays["rivals"],
+                arrays["reached"],
                 arrays["keys"],
                 arrays["points"],
                 _parted("pictures", arrays),
@@ -172,6 +181,8 @@ class Appearance:
             "samples": (self.manifold.samples, (n, k)),
             "slope": (self.slope, (n, 5, k)),
             "motion": (self.motion, (n, 2)),
+            "rivals": (self.rivals, (n,)),
+            "reached": (self.reached, (n,)),
             "keys": (self.keys, (m,)),
             "points": (self.points, (m, grid.rows * grid.cols)),
         }

@@ -29,6 +29,8 @@ _OFF = np.array([1.0, 1.0, 0.01])
 """Pixels and radians by which a picture may lie elsewhere on that of its key place than the way says."""
 _STEADY = 0.02
 """How much of its pace a steady camera gains or loses from frame to frame."""
+_EVEN, _KEEPS_PACE, _WINDOW = 0.04, 0.08, 11
+"""The pace of a steady camera: median deviation from frame to frame, and the largest over any so many frames."""
 _UNEVEN = 0.25
 """Median deviation of the travel per frame, as a share of it, up to which travel measures the way."""
 
@@ -191,7 +193,8 @@ def coordinates(golden: GoldenSweep) -> np.ndarray:
     """Sweep coordinate of each place: the share of the way, or of the time where the way cannot be told.
 
     Frames of a steady camera lie evenly in both, but the way does not mind an uneven pace. What moves in the picture
-    measures the way only where it moves by about as much from frame to frame; else s is the share of frames.
+    measures the way only where it moves by about as much from frame to frame; else s is the share of frames. Where the
+    camera kept its pace all along, its frames measure the way better than the picture, which cuts corners.
     """
     frames = np.array(golden.frames, float)
     frames = (frames - frames[0]) / (frames[-1] - frames[0])
@@ -201,10 +204,19 @@ def coordinates(golden: GoldenSweep) -> np.ndarray:
     uneven = float(np.median(np.abs(way / steps - usual)))
     if usual <= 0 or uneven > _UNEVEN * usual:
         return frames
+    if uneven < _EVEN * usual and _keeps_pace(way / steps / usual):
+        return np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     # where texture is poor, the usual pace knows better than the picture
     trust = 1 / (1 + np.square(np.array(golden.unsure) / (_STEADY * usual)))
     way = usual * steps + trust * (way - usual * steps)
     return np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
+
+
+def _keeps_pace(pace: np.ndarray) -> bool:
+    """Whether the travel per frame, as a share of the usual one, is even over every stretch of frames."""
+    if len(pace) < _WINDOW:
+        return False
+    return bool(np.abs(np.convolve(pace, np.full(_WINDOW, 1 / _WINDOW), "valid") - 1.0).max() <= _KEEPS_PACE)
 
 
 def _keep(frame: Frame) -> bytes:

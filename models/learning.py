@@ -17,7 +17,8 @@ from models.limits import Limits
 from models.manifold import Manifold
 from models.preparation import Preparation
 from models.references import unpack
-from models.registration import affine, shrink_by
+from models.registration import affine, shrink_by, smooth
+from models.rivals import rivals
 from models.scoring import look, remember, spread_beyond
 from models.sweep import SweepFacts
 from models.tolerance import levels
@@ -77,12 +78,15 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, sweeps: int) -> Appea
     facts = SweepFacts.of_stamps(golden.times, golden.sequences)
     space = fit_eigenspace(golden.x, k=min(K, len(golden.x) - 1))
     z = np.stack([space.project(x) for x in golden.x])
-    return Appearance(
+    n = len(golden.frames)
+    appearance = Appearance(
         preparation,
         space,
         Manifold.over(coordinates(golden), z),
         _slopes(golden, preparation, space),
         np.array([*golden.motion, golden.motion[-1]], np.float32),
+        np.zeros(n, np.float32),
+        np.ones(n, np.float32),
         np.array(golden.keys, np.int32),
         np.stack(golden.points),
         tuple(golden.pictures[key] for key in golden.keys),
@@ -92,6 +96,8 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, sweeps: int) -> Appea
         facts.interval_ns,
         {"sweeps": str(sweeps), "frames": str(facts.frames), "numpy": np.__version__, "opencv": cv2.__version__},
     )
+    wrong = rivals(appearance.guide, lambda place: smooth(levels(unpack(golden.pictures[place]))))
+    return replace(appearance, rivals=wrong)
 
 
 def _ticker(
@@ -152,7 +158,7 @@ def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appe
     """Add what a further golden sweep shows beyond the band; and how high its frames scored before that."""
     excess = dict(zip(appearance.keys.tolist(), appearance.excess, strict=True))
     kind = appearance.references.kind
-    memory, scores = remember(appearance), list[float]()
+    memory, scores, reached = remember(appearance), list[float](), appearance.reached.copy()
     for frame in frames:
         check_alike(kind, frame, "a further golden sweep")
         usual = memory.trail.residual
@@ -160,7 +166,9 @@ def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appe
         if shown is None or shown.score is None:
             continue
         scores.append(float(shown.score.max()))
-        if usual is not None and shown.located.registered.residual > _DOUBTFUL * usual:
+        located = shown.located
+        reached[located.reference] = min(reached[located.reference], max(located.agreement, 0.0))
+        if usual is not None and located.registered.residual > _DOUBTFUL * usual:
             continue
         for place, picture in spread_beyond(appearance, levels(frame.pixels), shown).items():
             excess[place] = _merged(excess[place], picture)
@@ -170,7 +178,7 @@ def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appe
             "is it the same product, swept the same way?"
         )
     return float(np.quantile(scores, _NEARLY_ALL)), replace(
-        appearance, excess=tuple(excess[key] for key in appearance.keys.tolist())
+        appearance, reached=reached, excess=tuple(excess[key] for key in appearance.keys.tolist())
     )
 
 

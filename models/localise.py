@@ -27,6 +27,14 @@ _GIVE_UP = 8
 _RICH, _CLEARLY = 5.0, 0.97
 """Detail in grey levels, and agreement on it, that leave no doubt, however much a part differs from the golden one."""
 _FITS, _FITS_USUAL, _USUAL = 0.8, 0.6, 1.3
+_AS_EVER = 0.9
+"""Share of the agreement that the frames before reached, which does for a frame with more unexplained than they."""
+_UNMISTAKABLE = 0.85
+"""Share of the doubt at every other place, up to which agreement that is not `_FITS` does."""
+_ABOVE, _HALFWAY = 0.1, 0.5
+"""Shares of the way from what wrong places reach to perfect agreement, and to what good parts reach, asked for."""
+_PERFECT = 0.1
+"""Agreement is never perfect: what is added to what lacks."""
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
 _POSE_FLOOR = np.diag(np.square([0.15, 0.15, 0.0005]))
@@ -41,6 +49,8 @@ class Trail:
     light: Float[np.ndarray, " 4"] | None = None
     residual: float | None = None
     """What registration usually leaves unexplained."""
+    agreement: float = 1.0
+    """What agreement the frames that fitted have reached of late."""
     misses: int = 0
     """Frames since the picture last agreed with a reference picture."""
     rivalry: int = 0
@@ -62,6 +72,8 @@ class Located:
     """Standard deviation of `at`, in reference frames."""
     verified: bool
     """The picture agrees with the reference picture."""
+    agreement: float
+    """How well: correlation, as a share of what noise allows at the place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +84,17 @@ class Guide:
     path: Path
     template: Callable[[int], Template]
     """Of a place with a picture."""
+    asked: Float[np.ndarray, " n"]
+    """Agreement that tells each place from others; see `asked`."""
+
+
+def asked(wrong: Float[np.ndarray, " n"], good: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """The agreement that tells a place from others, from what wrong places and good parts have reached there.
+
+    >>> asked(np.array([0.5, 0.5]), np.array([1.0, 0.58])).round(3)
+    array([0.55, 0.54])
+    """
+    return wrong + np.minimum(_ABOVE * (1.0 - wrong), _HALFWAY * np.maximum(good - wrong, 0.0))
 
 
 def begin(track: Track) -> Trail:
@@ -80,11 +103,22 @@ def begin(track: Track) -> Trail:
 
 
 @dataclass(frozen=True, eq=False)
-class _Attempt:
+class Attempt:
+    """A frame laid on the reference picture of a place where it might be."""
+
     fixture: Fixture
     reference: int
     registered: Registered
+    agreement: float
+    """Correlation, as a share of what noise allows at the place: about 1 on the golden part."""
     fits: bool
+
+    @property
+    def doubt(self) -> float:
+        """What is left unexplained at the points that are right, and how little of the detail agrees: the less, the
+        likelier. Individuals that differ leave much at all places, periodic traces agree in many."""
+        r = self.registered
+        return r.residual / max(float(r.light[0]), 0.3) * (1.0 + _PERFECT - min(self.agreement, 1.0))
 
 
 def _light(model: Template, smoothed: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -106,7 +140,7 @@ class _Scene:
         return self.trail.light if self.trail.light is not None else _light(model, self.smoothed, pose)
 
 
-def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> _Attempt:
+def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> Attempt:
     """Register at the place that a guess gives, and filter what was measured."""
     path = scene.guide.path
     reference = path.key(guess.at)
@@ -118,10 +152,17 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
     far = scene.trail.fixture is None or guess.uncertainty > _SURE
     registered = register(model, scene.smoothed, prior, STEPS_FAR if far else STEPS)
     fixture = guess.measure(reference, registered.pose, registered.covariance + _POSE_FLOOR, path)
-    return _Attempt(fixture, reference, registered, _fits(model, registered, scene.trail.residual))
+    agreement = _agreement(model, registered)
+    fits = _fits(model, registered, agreement, scene.trail, float(scene.guide.asked[reference]))
+    return Attempt(fixture, reference, registered, agreement, fits)
 
 
-def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _Attempt:
+def compare(guide: Guide, smoothed: np.ndarray, at: float) -> Attempt:
+    """Lay a frame of which nothing is known on a place, as well as it will go."""
+    return _search(_Scene(guide, smoothed, begin(guide.track)), Fixture.unknown(at))
+
+
+def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> Attempt:
     """Scan along the path about a guess, and where the robot would have halted; attempt where it agrees best."""
     path = scene.guide.path
     reference = path.key(guess.at)
@@ -141,17 +182,22 @@ def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> _At
     return _attempt(scene, replace(chosen, mean=np.array([ats[best], *chosen.mean[1:]])), light)
 
 
-def _fits(model: Template, registered: Registered, usual: float | None) -> bool:
+def _agreement(model: Template, registered: Registered) -> float:
+    """Correlation of a frame with a reference picture, of what noise allows there: about 1 where it fits."""
+    return registered.correlation / max(model.agrees, 0.05)
+
+
+def _fits(model: Template, registered: Registered, agreement: float, trail: Trail, asked: float) -> bool:
     """Whether the picture agrees with the reference as well as noise allows, and as well as those before it.
 
     A part with much wrong about it agrees less, but leaves no more unexplained at the points that are right.
     """
-    expected = model.agrees
+    usual = trail.residual
     if usual is None or (model.detail > _RICH and registered.correlation >= _CLEARLY):
-        return registered.correlation >= _FITS * expected
+        return agreement >= _FITS
     if registered.residual <= _USUAL * usual:
-        return registered.correlation >= _FITS_USUAL * expected
-    return registered.correlation >= _FITS * expected and registered.residual <= max(2.0 * usual, usual + 1.0)
+        return agreement >= min(_FITS_USUAL, asked)
+    return agreement >= min(_FITS, _AS_EVER * trail.agreement) and registered.residual <= max(2.0 * usual, usual + 1.0)
 
 
 def _rivals(old: Fixture, best: Standing) -> list[Fixture]:
@@ -197,19 +243,27 @@ def locate(
     return _placed(trail, path, attempt, expected, replace(trail, places=places, waited=0.0, rivalry=rivalry))
 
 
-def _anywhere(scene: _Scene, best: Standing) -> _Attempt:
-    """Where the sweep begins, or goes on after it was lost: the one that fits best of all that look alike."""
+def _anywhere(scene: _Scene, best: Standing) -> Attempt:
+    """Where the sweep begins, or goes on after it was lost: the one that fits best of all that look alike.
+
+    A part that differs from the golden one agrees less than is asked for otherwise: it will do where the place is
+    unmistakable.
+    """
     attempts = [_search(scene, Fixture.unknown(at, best.pace)) for at in (best.at, *best.others)]
-    return min(attempts, key=lambda attempt: (not attempt.fits, attempt.registered.residual))
+    chosen = min(attempts, key=lambda attempt: (not attempt.fits, attempt.doubt))
+    if chosen.fits or chosen.agreement < scene.guide.asked[chosen.reference]:
+        return chosen
+    elsewhere = [a.doubt for a in attempts if abs(a.fixture.at - chosen.fixture.at) > _APART]
+    return replace(chosen, fits=chosen.doubt < _UNMISTAKABLE * min(elsewhere, default=np.inf))
 
 
-def _worse(trail: Trail, attempt: _Attempt) -> bool:
+def _worse(trail: Trail, attempt: Attempt) -> bool:
     """Whether more is left unexplained than usual: perhaps the picture fits better elsewhere."""
     usual = trail.residual or attempt.registered.residual
     return attempt.registered.residual > max(1.3 * usual, usual + 0.15)
 
 
-def _leaps(trail: Trail, guess: Fixture | None) -> Callable[[_Attempt], bool]:
+def _leaps(trail: Trail, guess: Fixture | None) -> Callable[[Attempt], bool]:
     """Whether an attempt is far from where the sweep should be, and not good enough to believe that at once."""
     if guess is None or trail.misses >= _PATIENT or trail.residual is None:
         return lambda attempt: False
@@ -217,12 +271,12 @@ def _leaps(trail: Trail, guess: Fixture | None) -> Callable[[_Attempt], bool]:
     return lambda attempt: abs(attempt.fixture.at - at) > _LEAP and attempt.registered.residual > allowed
 
 
-def _better(one: _Attempt | None, other: _Attempt, leaps: Callable[[_Attempt], bool] = lambda _: False) -> _Attempt:
+def _better(one: Attempt | None, other: Attempt, leaps: Callable[[Attempt], bool] = lambda _: False) -> Attempt:
     """The first unless the other fits and leaves clearly less unexplained."""
     if one is None:
         return other
     needed = 0.85 if one.fits else 1.0
-    less = other.registered.residual < needed * one.registered.residual
+    less = other.doubt < needed * one.doubt
     return other if other.fits and less and not leaps(other) else one
 
 
@@ -231,18 +285,21 @@ def _follow(usual: float, residual: float) -> float:
     return usual + (_SINKS if residual < usual else _RISES) * (residual - usual)
 
 
-def _placed(trail: Trail, path: Path, attempt: _Attempt, guess: Fixture | None, asked: Trail) -> tuple[Trail, Located]:
+def _placed(trail: Trail, path: Path, attempt: Attempt, guess: Fixture | None, asked: Trail) -> tuple[Trail, Located]:
     """Carry on from an attempt, or by dead reckoning (`guess`) where it does not fit."""
     r = attempt.registered
     if attempt.fits:
         usual = r.residual if trail.residual is None else _follow(trail.residual, r.residual)
         light = r.light if trail.light is None else trail.light + 0.3 * (r.light - trail.light)
         fixture = attempt.fixture.settled(path)
-        carried = replace(asked, fixture=fixture, light=light, residual=usual, misses=0)
+        agreement = min(attempt.agreement, 1.0)
+        if trail.residual is not None:
+            agreement = trail.agreement + _RISES * (agreement - trail.agreement)
+        carried = replace(asked, fixture=fixture, light=light, residual=usual, agreement=agreement, misses=0)
     else:
         misses = trail.misses + 1
         fixture = None if misses > _GIVE_UP else guess
         carried = replace(asked, fixture=fixture, misses=misses)
     stands = fixture or attempt.fixture
     at = min(max(stands.seen(path), 0.0), len(path.motion) - 1.0)
-    return carried, Located(at, attempt.reference, r, stands.uncertainty, attempt.fits)
+    return carried, Located(at, attempt.reference, r, stands.uncertainty, attempt.fits, attempt.agreement)
