@@ -106,14 +106,14 @@ def roc_chart(outcomes: Sequence[Outcome]) -> str:
 
 
 def along_chart(result: Result, truth: Truth | None, name: str) -> str:
-    """The score of a part along s, with the stretches in which a defect is in view."""
+    """The score of a part along s, on a root scale, with the stretches in which a defect is in view."""
     scored = [(f.s, f.score) if f.state is FrameState.SCORED and f.s is not None else None for f in result.frames]
     top = 1.08 * max([1.2, *(point[1] for point in scored if point)])
     height, foot = 132, 118
     wide = WIDTH - LEFT - RIGHT
 
     def at(s: float, score: float) -> Point:
-        return LEFT + wide * min(max(s, 0.0), 1.0), foot - (foot - 8) * score / top
+        return LEFT + wide * min(max(s, 0.0), 1.0), foot - (foot - 8) * sqrt(score / top)
 
     marks = [_stretch(at(a, top), at(b, 0)) for a, b in _in_view(truth)]
     marks.append(_line(at(0, 0), at(1, 0), "grid"))

@@ -105,7 +105,7 @@ def _verdicts(evaluation: Evaluation) -> str:
     ]
     verdicts = table(("verdict", *(f"{label} parts" for label in Label)), rows, "Verdict by label", numbers=2)
     both = f'<div class="beside">{verdicts}{_figures(evaluation.summary)}</div>'
-    promised = f"<p>{escape(evaluation.promise.sentence())}</p>"
+    promised = f"<p>What the golden sweeps promise: {escape(evaluation.promise.sentence())}.</p>"
     return f"<section><h2>Verdicts and figures</h2>{both}{promised}</section>"
 
 
@@ -207,7 +207,7 @@ def _case(case: Case) -> str:
         f"<figure><h3>{name}: {_verdict(what)}, {_peak(case.inspected)}</h3>"
         f"<p>{escape('; '.join(case.result.reasons))}</p>"
         f"{along_chart(case.result, case.part.truth, what.name)}"
-        f"<figcaption>Score along s; the dashed line is the limit.{shown}</figcaption>{picture}</figure>"
+        f"<figcaption>Score along s (root scale); the dashed line is the limit.{shown}</figcaption>{picture}</figure>"
     )
 
 

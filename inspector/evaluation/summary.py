@@ -21,7 +21,7 @@ def lines(evaluation: Evaluation) -> Iterator[str]:
     golden = f"learnt from {', '.join(evaluation.golden)}" if evaluation.golden else "not learnt from this folder"
     yield f"{evaluation.name}: {good} good and {bad} bad parts, {evaluation.with_truth} with truth; {golden}"
     yield run.appearance.id
-    yield evaluation.promise.sentence()
+    yield f"promised by {evaluation.promise.sentence()}"
     yield f"  {'':14}{'good':>6}{'bad':>6}"
     for verdict, labels in summary.confusion.items():
         yield f"  {verdict.value:14}" + "".join(f"{labels[label]:>6}" for label in Label)
