@@ -1,4 +1,4 @@
-"""The command line: `inspector record | learn | replay | evaluate | demo`; every error is one line and an exit code.
+"""The command line: `inspector record | learn | replay | evaluate | detectability | demo`; errors are single lines.
 
 Exit codes: 0 did its job, 1 an inspection could not be made, 2 wrong usage, 3 `replay --fail-on-ng`, 130 interrupted.
 """
@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from inspector.cli.demo import demo
+from inspector.cli.detectability import detectability
 from inspector.cli.evaluate import evaluate
 from inspector.cli.learn import learn
 from inspector.cli.record import record
@@ -20,7 +21,7 @@ from inspector.cli.replay import replay
 from models.errors import InspectionError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-for command in (record, learn, replay, evaluate, demo):
+for command in (record, learn, replay, evaluate, detectability, demo):
     app.command()(command)
 
 
