@@ -24,6 +24,7 @@ from models.position import Track
 from models.preparation import Preparation
 from models.references import References
 from models.registration import Grid
+from models.turning import Turn
 
 MAGIC = b"sweep-appearance"
 VERSION = 2
@@ -47,6 +48,10 @@ class Appearance:
     """How z moves with the picture: per pixel of shift in x and y, per radian, per unit of shading in x and y."""
     motion: Float[np.ndarray, "n 2"]
     """How far the picture moves from each place to the next, in pixels."""
+    shifts: bool
+    """Whether the picture moves from place to place; else it changes otherwise: turntables, corridors."""
+    spare: float
+    """Squared distance from the eigenspace that pictures of the reference sweep have."""
     rivals: Float[np.ndarray, " n"]
     """Agreement that pictures of other places reach at each place, in [0, 1]."""
     reached: Float[np.ndarray, " n"]
@@ -105,7 +110,8 @@ class Appearance:
     def guide(self) -> Guide:
         """What places a frame."""
         enough = asked(self.rivals.astype(float), self.reached.astype(float))
-        return Guide(self.track, self.path, lambda place: self.references.get(place).template, enough)
+        turn = None if self.shifts else Turn(self.track.z, self.spare)
+        return Guide(self.track, self.path, lambda place: self.references.get(place).template, enough, turn)
 
     @cached_property
     def path(self) -> Path:
@@ -136,6 +142,8 @@ class Appearance:
             "preparation": self.preparation.to_header(),
             "manifold": self.manifold.to_header(),
             "limits": asdict(self.limits),
+            "shifts": self.shifts,
+            "spare": self.spare,
             "noise": self.noise,
             "interval_ns": self.interval_ns,
             "facts": dict(self.facts),
@@ -155,6 +163,8 @@ class Appearance:
                 Manifold.from_parts(header["manifold"], _under("manifold.", arrays)),
                 arrays["slope"],
                 arrays["motion"],
+                bool(header["shifts"]),
+                float(header["spare"]),
                 arrays["rivals"],
                 arrays["reached"],
                 arrays["keys"],
@@ -203,7 +213,7 @@ class Appearance:
             raise AppearanceError(f"the appearance's points lie outside of the cells of its {w}x{h} templates")
         if np.abs(self.motion).max() > max(w, h):
             raise AppearanceError(f"the appearance's motion leaves its {w}x{h} templates from one place to the next")
-        numbers = {**asdict(self.limits), "noise": self.noise}
+        numbers = {**asdict(self.limits), "noise": self.noise, "spare": self.spare}
         for name, value in numbers.items():
             if (name, value) != ("good_peak", None) and not 0 <= value < _HUGE:
                 raise AppearanceError(f"the appearance's {name} is {value}, allowed are numbers from 0 to {_HUGE}")

@@ -23,10 +23,14 @@ _POINTS = 12
 """Fewer cannot tell shift, rotation and light apart."""
 _SAME, _FOLLOWS = 0.9, 0.3
 """Agreement from which on a frame shows the place before it again; and at least continues it."""
+_THE_SAME, _MOVES = 0.985, 0.975
+"""Agreement, as a share of what noise allows: of pictures of one place; and of a picture with the last one moved on."""
 _APART = 0.055
 """Share of the width that the picture moves from one key place to the next, at the most."""
 _OFF = np.array([1.0, 1.0, 0.01])
 """Pixels and radians by which a picture may lie elsewhere on that of its key place than the way says."""
+_STILLS, _EARLY = 2000, 12
+"""Frames that stood still are kept up to here, as long as it is not known, by so many motions, that pictures move."""
 _STEADY = 0.02
 """How much of its pace a steady camera gains or loses from frame to frame."""
 _EVEN, _KEEPS_PACE, _WINDOW = 0.04, 0.08, 11
@@ -51,6 +55,10 @@ class GoldenSweep:
     """Frames that stood still before each motion."""
     unsure: list[float] = field(default_factory=list[float])
     """Standard deviation of the length of each motion, in pixels."""
+    still: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
+    """Frames that seemed to show the place before them again, with their pictures: bodies may look alike all round."""
+    follows: list[float] = field(default_factory=list[float])
+    """Agreement of each place with the one before it moved on, as a share of what noise allows."""
     times: list[int] = field(default_factory=list[int])
     sequences: list[int] = field(default_factory=list[int])
 
@@ -104,13 +112,18 @@ def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepar
         if before is not None:
             moved = _moved(before, smoothed, last)
             last = moved.pose
-            if _is_still(moved, smoothed.shape[1]):
+            follows = moved.correlation / max(before[0].agrees, 0.05)
+            if follows > _THE_SAME and _is_still(moved, smoothed.shape[1]):
                 stood += 1
+                early = len(kept.follows) < _EARLY
+                if len(kept.still) < _STILLS and (early or not moves(kept, smoothed.shape[1])):
+                    kept.still.append((index, _keep(frame)))
                 continue
             kept.motion.append(last[:2])
             kept.stood.append(stood)
             stood = 0
             kept.unsure.append(_unsure(moved))
+            kept.follows.append(follows)
         points = choose_points(smoothed)
         if len(points) < _POINTS:
             raise LearningError(f"pictures of {kind} are too small; at least some 24x18 pixels are needed")
@@ -187,6 +200,37 @@ def _unsure(moved: Registered) -> float:
     way = moved.pose[:2]
     along = way / max(float(np.hypot(*way)), 1e-6)
     return float(np.sqrt(along @ moved.covariance[:2, :2] @ along)) if moved.correlation >= _FOLLOWS else np.inf
+
+
+def moves(golden: GoldenSweep, width: int) -> bool:
+    """Whether the picture moves from place to place, and does not change otherwise: no turntable, no corridor.
+
+    `width` is that of the pictures that motion was measured in.
+    """
+    if not golden.follows:
+        return False
+    way = float(np.quantile(np.hypot(*np.array(golden.motion).T), 0.25))
+    return way >= _STILL * width and float(np.quantile(golden.follows, 0.25)) >= _MOVES
+
+
+def turned(golden: GoldenSweep) -> GoldenSweep:
+    """The sweep with every frame a key place, and no motion: where pictures do not move, none stands still.
+
+    Its `x` and `points` are still to be made of the pictures.
+    """
+    pictures = sorted([*zip(golden.frames, golden.pictures, strict=True), *golden.still])
+    frames = [index for index, _ in pictures]
+    return replace(
+        golden,
+        frames=frames,
+        pictures=[picture for _, picture in pictures],
+        keys=list(range(len(frames))),
+        x=[],
+        points=[],
+        motion=[np.zeros(2)] * (len(frames) - 1),
+        stood=[0] * (len(frames) - 1),
+        still=[],
+    )
 
 
 def coordinates(golden: GoldenSweep) -> np.ndarray:

@@ -133,10 +133,11 @@ def _scored(inspection: Inspection, frame: Frame, memory: Memory, shown: Look | 
     state = _state(inspection, memory, shown)
     if state is not FrameState.SCORED or shown is None or shown.score is None:
         none = Residuals(0.0, 0.0, 0.0)
-        return ScoredFrame(index, frame.t_ns, state, None, 0.0, 0.0, none)
+        s = None if shown is None or state is not FrameState.STRANGE else _coordinate(appearance, shown)
+        return ScoredFrame(index, frame.t_ns, state, s, 0.0, 0.0, none)
     located = shown.located
     score = float(shown.score.max())
-    s = float(np.interp(located.at, np.arange(appearance.places), appearance.s))
+    s = _coordinate(appearance, shown)
     residuals = Residuals(score, _position(appearance, memory, shown), _timing(memory))
     pose = full_pose(located.registered.pose, appearance.size)
     placement = tuple(float(v) for v in affine(pose, appearance.size).ravel())
@@ -155,11 +156,17 @@ def _scored(inspection: Inspection, frame: Frame, memory: Memory, shown: Look | 
     )
 
 
+def _coordinate(appearance: Appearance, shown: Look) -> float:
+    return float(np.interp(shown.located.at, np.arange(appearance.places), appearance.s))
+
+
 def _state(inspection: Inspection, memory: Memory, shown: Look | None) -> FrameState:
     if shown is None:
         return FrameState.BLIND
     if shown.score is not None and shown.located.uncertainty <= _UNSURE:
         return FrameState.SCORED
+    if shown.located.resembles:
+        return FrameState.STRANGE
     if not any(frame.state is FrameState.SCORED for frame in inspection.frames[-200:]):
         return FrameState.WAITING
     return FrameState.LOST if memory.trail.misses > _LOST_AFTER else FrameState.AMBIGUOUS

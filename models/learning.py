@@ -12,12 +12,12 @@ from models.appearance import Appearance
 from models.eigenspace import Eigenspace, fit_eigenspace
 from models.errors import LearningError
 from models.frame import Frame
-from models.golden import THUMB, GoldenSweep, check_alike, collect, coordinates
+from models.golden import THUMB, GoldenSweep, check_alike, collect, coordinates, moves, turned
 from models.limits import Limits
 from models.manifold import Manifold
 from models.preparation import Preparation
 from models.references import unpack
-from models.registration import affine, shrink_by, smooth
+from models.registration import affine, choose_points, shrink_by, smooth
 from models.rivals import rivals
 from models.scoring import look, remember, spread_beyond
 from models.sweep import SweepFacts
@@ -25,6 +25,8 @@ from models.tolerance import levels
 
 K = 32
 """Dimensions: enough to tell places apart; what is wrong with a part is not looked for here."""
+K_TURNS, THUMB_TURNS = 64, 40
+"""The same, and pixels across the thumbnails, where the picture turns instead of moving."""
 _NEARLY_ALL = 0.98
 """Share of its frames that a golden sweep is judged by: a glitch or two says nothing of parts."""
 _DOUBTFUL = 1.5
@@ -53,8 +55,8 @@ def learn(
     if not sweeps:
         raise LearningError("no golden sweep given; at least one is needed")
     tick = _ticker(progress, frames_expected)
-    preparation, golden = collect(tick(sweeps[0]), preparation)
-    appearance = _of_one(golden, preparation, len(sweeps))
+    prepared, golden = collect(tick(sweeps[0]), preparation)
+    appearance = _of_one(golden, prepared, preparation, len(sweeps))
     peaks: list[float] = []
     for sweep in sweeps[1:]:
         peak, appearance = _widen(appearance, tick(sweep))
@@ -74,9 +76,25 @@ def learn(
     return appearance
 
 
-def _of_one(golden: GoldenSweep, preparation: Preparation, sweeps: int) -> Appearance:
+def _for_turns(golden: GoldenSweep, preparation: Preparation) -> Preparation:
+    """What tells looks apart whose brightness says little: slopes, in colour where there is colour."""
+    picture = unpack(golden.pictures[0])
+    h, w = picture.shape[:2]
+    shrink = max(1.0, max(w, h) / THUMB_TURNS)
+    size = (max(1, round(w / shrink)), max(1, round(h / shrink)))
+    return replace(preparation, size=size, colour=picture.ndim == 3, content="derivatives", sigma=1.0)
+
+
+def _of_one(golden: GoldenSweep, preparation: Preparation, wanted: Preparation | None, sweeps: int) -> Appearance:
     facts = SweepFacts.of_stamps(golden.times, golden.sequences)
-    space = fit_eigenspace(golden.x, k=min(K, len(golden.x) - 1))
+    width = smooth(levels(unpack(golden.pictures[0]))).shape[1]
+    shifts = moves(golden, width)
+    if not shifts:
+        preparation, golden = wanted or _for_turns(golden, preparation), turned(golden)
+        for picture in map(unpack, golden.pictures):
+            golden.x.append(preparation.prepare(picture))
+            golden.points.append(choose_points(smooth(levels(picture))))
+    space = fit_eigenspace(golden.x, k=min(K if shifts else K_TURNS, len(golden.x) - 1))
     z = np.stack([space.project(x) for x in golden.x])
     n = len(golden.frames)
     appearance = Appearance(
@@ -85,6 +103,8 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, sweeps: int) -> Appea
         Manifold.over(coordinates(golden), z),
         _slopes(golden, preparation, space),
         np.array([*golden.motion, golden.motion[-1]], np.float32),
+        shifts,
+        _spare(golden.x, space),
         np.zeros(n, np.float32),
         np.ones(n, np.float32),
         np.array(golden.keys, np.int32),
@@ -96,6 +116,8 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, sweeps: int) -> Appea
         facts.interval_ns,
         {"sweeps": str(sweeps), "frames": str(facts.frames), "numpy": np.__version__, "opencv": cv2.__version__},
     )
+    if not shifts:
+        return appearance
     wrong = rivals(appearance.guide, lambda place: smooth(levels(unpack(golden.pictures[place]))))
     return replace(appearance, rivals=wrong)
 
@@ -114,6 +136,11 @@ def _ticker(
                 progress(min(done / expected, 1.0))
 
     return tick
+
+
+def _spare(x: Sequence[np.ndarray], space: Eigenspace) -> float:
+    """Squared distance of a golden frame from the eigenspace, as a rule."""
+    return float(np.median([space.distance(each, space.project(each)) ** 2 for each in x]))
 
 
 def _noise(golden: GoldenSweep, preparation: Preparation) -> float:

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from models.fixture import Fixture, Path
 from models.position import Places, Standing, Track, move, standing, start, vouch
 from models.registration import NO_LIGHT, STEPS, STEPS_FAR, Prior, Registered, Template, register, scan
+from models.turning import Turn, belongs, follow, resembles, strangeness
 
 _SCAN = np.arange(-2.0, 2.01, 0.25)
 """Where along the path to look for the frame, in reference frames about the guess."""
@@ -35,6 +36,8 @@ _ABOVE, _HALFWAY = 0.1, 0.5
 """Shares of the way from what wrong places reach to perfect agreement, and to what good parts reach, asked for."""
 _PERFECT = 0.1
 """Agreement is never perfect: what is added to what lacks."""
+_LIES_STD, _TURNED = np.array([1.0, 1.0, 0.005]), 0.5
+"""Where pictures do not move: how a part may lie (pixels, radians), and how well its place is known, in frames."""
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
 _POSE_FLOOR = np.diag(np.square([0.15, 0.15, 0.0005]))
@@ -57,6 +60,8 @@ class Trail:
     """Times that the eigenspace has insisted on another place."""
     waited: float = 0.0
     """Nominal intervals since the eigenspace was asked."""
+    strange: float | None = None
+    """Where pictures do not move: how far the looks are from the curve of late."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,8 @@ class Located:
     """The picture agrees with the reference picture."""
     agreement: float
     """How well: correlation, as a share of what noise allows at the place."""
+    resembles: bool = False
+    """Not the picture that should be there, and yet its place is known by the looks before and after."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +93,8 @@ class Guide:
     """Of a place with a picture."""
     asked: Float[np.ndarray, " n"]
     """Agreement that tells each place from others; see `asked`."""
+    turn: Turn | None = None
+    """What places a frame where the picture changes otherwise than by moving; None where it moves."""
 
 
 def asked(wrong: Float[np.ndarray, " n"], good: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -241,6 +250,31 @@ def locate(
     if attempt.fits and not _worse(trail, attempt):
         places = vouch(places, attempt.fixture.at, 2.0)
     return _placed(trail, path, attempt, expected, replace(trail, places=places, waited=0.0, rivalry=rivalry))
+
+
+def locate_by_look(
+    guide: Guide, trail: Trail, smoothed: np.ndarray, away: Float[np.ndarray, " n"], elapsed: float
+) -> tuple[Trail, Located]:
+    """Place one frame of a sweep that does not move in the picture; `away` is how far its look is from every place.
+
+    The eigenspace leads; registration only lays the frame straight.
+    """
+    places = follow(trail.places, away, elapsed)
+    best = int(places.cost.argmin())
+    strange = strangeness(trail.strange, float(away[best]))
+    known = belongs(strange, float(away[best]))
+    reference = guide.path.key(best)
+    model = guide.template(reference)
+    light = trail.light if trail.light is not None else NO_LIGHT
+    std = _LIGHT_STD if trail.light is None else 3 * _LIGHT_WANDER
+    prior = Prior(np.zeros(3), np.diag(1 / np.square(_LIES_STD)), light, np.diag(1 / np.square(std)))
+    registered = register(model, smoothed, prior)
+    misses = 0 if known else trail.misses + 1
+    carried = replace(trail, places=places, strange=strange, misses=misses, light=registered.light if known else light)
+    like = not known and resembles(strange)
+    return carried, Located(
+        float(best), reference, registered, _TURNED, known, _agreement(model, registered), resembles=like
+    )
 
 
 def _anywhere(scene: _Scene, best: Standing) -> Attempt:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, UInt8
 from models.appearance import Appearance
 from models.frame import Frame
 from models.limits import Limits
-from models.localise import Located, Trail, begin, locate
+from models.localise import Located, Trail, begin, locate, locate_by_look
 from models.persistence import Sight, persist
 from models.registration import affine, full_pose, shrink_by, smooth
 from models.tolerance import BRIGHT, aligned, beyond, evidence, levels, outside
@@ -64,8 +64,14 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
         return Memory(memory.trail, memory.sights, frame.t_ns), None
     references = appearance.references
     x = appearance.preparation.prepare(frame.pixels)
-    z = appearance.eigenspace.project(x)
-    trail, located = locate(appearance.guide, memory.trail, smoothed, z, elapsed)
+    space = appearance.eigenspace
+    z = space.project(x)
+    guide = appearance.guide
+    if guide.turn is None:
+        trail, located = locate(guide, memory.trail, smoothed, z, elapsed)
+    else:
+        away = guide.turn.away(z.astype(float), space.distance(x, z) ** 2)
+        trail, located = locate_by_look(guide, memory.trail, smoothed, away, elapsed)
     distance = appearance.track.misfit(round(located.at), z.astype(float))
     if not located.verified:
         return Memory(trail, memory.sights, frame.t_ns), Look(located, distance, None, 0.0)

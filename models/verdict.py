@@ -19,6 +19,8 @@ class FrameState(StrEnum):
     """More than one place of the sweep looks like this: not scored, counts against coverage."""
     LOST = "lost"
     """No place of the sweep looks like this: not scored, counts against coverage."""
+    STRANGE = "strange"
+    """The place is known, but this is not how the part looks there: not scored, counts against coverage."""
     BLIND = "blind"
     """No usable picture: lamp out, lens covered, saturated."""
 
@@ -102,7 +104,7 @@ class ScoredFrame:
     t_ns: int
     state: FrameState
     s: float | None
-    """Sweep coordinate in [0, 1], None where the place is not known."""
+    """Sweep coordinate in [0, 1], None where the place is not known; known where `state` is `scored` or `strange`."""
     score: float
     """1.0 at the threshold; 0.0 where `state` is not `scored`."""
     raw_score: float
