@@ -8,11 +8,11 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from models.patches import GAP, Patches, drawn_out
 from models.registration import shrink_by
 
 BRIGHT, DARK = 0, 1
 Pair = tuple[np.ndarray, np.ndarray]
-Box = tuple[slice, slice]
 _EDGE = 2
 """One golden sweep cannot say how far an edge may move: two pixels either way are allowed, in pictures 320 wide."""
 _FAR = 2
@@ -30,8 +30,6 @@ _STILL_AN_EDGE = 0.6
 """Share of its contrast that an edge which only strayed must still have."""
 _FAINT = 0.65
 """What is missing weighs less than what was added: a slight blur takes contrast from thin things, and adds none."""
-MARGIN = 16
-"""Pixels beyond a box that forgiveness inside of it looks at."""
 
 
 def reach(shape: tuple[int, ...]) -> int:
@@ -76,77 +74,83 @@ class Excess:
 
     reference: np.ndarray
     seen: np.ndarray
-    added: Pair
-    """How far the frame lies above the reference's band, and below it."""
-    missing: Pair
-    """How far the reference lies below the frame's band, where the frame is too bright; and above it."""
+    planes: np.ndarray
+    """(4, h, w[, 3]): added, bright and dark: how far the frame lies above the reference's band, and below it; missing,
+    where the frame is too bright and too dark: how far the reference lies below the frame's band, and above it."""
 
     @classmethod
     def of(cls, reference: np.ndarray, about: Pair, seen: np.ndarray) -> Excess:
         """`about` is the reference's band."""
-        around = band(seen)
-        return cls(
-            reference,
-            seen,
-            (_less(seen, about[1]), _less(about[0], seen)),
-            (_share(_less(around[0], reference), _FAINT), _share(_less(reference, around[1]), _FAINT)),
-        )
+        planes = np.empty((4, *seen.shape), seen.dtype)
+        dark, bright = band(seen)
+        _less(seen, about[1], planes[0])
+        _less(about[0], seen, planes[1])
+        _share(_less(dark, reference, planes[2]), _FAINT, planes[2])
+        _share(_less(reference, bright, planes[3]), _FAINT, planes[3])
+        return cls(reference, seen, planes)
 
     def whole(self, polarity: int) -> np.ndarray:
         """Too bright or too dark, nothing forgiven: grey levels, never negative."""
-        return cv2.max(self.added[polarity], self.missing[polarity])
-
-    def forgiven(self, polarity: int, box: Box) -> np.ndarray:
-        """The same inside a box, without edges that stray."""
-        far = reach(self.seen.shape) + _FAR
-        expected, actual = (Local.of(picture[box], far) for picture in (self.reference, self.seen))
-        added = _forgiven(self.added[polarity][box], expected, actual, polarity)
-        missing = _forgiven(self.missing[polarity][box], actual, expected, 1 - polarity)
+        added: np.ndarray = self.planes[polarity]
+        missing: np.ndarray = self.planes[2 + polarity]
         return cv2.max(added, missing)
 
-
-@dataclass(frozen=True, eq=False)
-class Local:
-    """A picture with the darkest and the brightest about each pixel."""
-
-    picture: np.ndarray
-    dark: np.ndarray
-    bright: np.ndarray
-
-    @classmethod
-    def of(cls, picture: np.ndarray, by: int) -> Local:
-        """As far as so many pixels about."""
-        return cls(picture, *_about(picture, by))
-
-    @property
-    def contrast(self) -> np.ndarray:
-        """How much the picture varies there."""
-        return cv2.subtract(self.bright, self.dark)
+    def forgiven(self, polarity: int, patches: Patches | None = None) -> np.ndarray:
+        """Too bright or too dark without edges that stray; of some squares of the picture, or of all of it."""
+        pictures = self.planes[polarity], self.planes[2 + polarity]
+        # side by side in one picture: what is asked of both costs one call
+        if patches:
+            reference, seen, planes = patches.cut(self.reference), patches.cut(self.seen), patches.cut(*pictures)
+        else:
+            reference, seen = drawn_out(self.reference), drawn_out(self.seen)
+            planes = np.concatenate([drawn_out(plane) for plane in pictures], axis=1)
+        w = reference.shape[1]
+        if not planes.any():
+            left = planes[:, :w]
+        else:
+            left = _forgiven(reference, seen, planes, polarity, reach(self.seen.shape) + _FAR)
+        return left if patches else left[:, GAP:-GAP]
 
 
-def _less(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    left = cv2.subtract(one, other)
-    return left if left.dtype == np.uint8 else np.maximum(left, 0)
+def _less(one: np.ndarray, other: np.ndarray, into: np.ndarray | None = None) -> np.ndarray:
+    left = cv2.subtract(one, other, dst=into)
+    return left if left.dtype == np.uint8 else np.maximum(left, 0, out=into)
 
 
-def _share(picture: np.ndarray, share: float) -> np.ndarray:
-    return cv2.convertScaleAbs(picture, alpha=share) if picture.dtype == np.uint8 else picture * np.float32(share)
+def _share(picture: np.ndarray, share: float, into: np.ndarray | None = None) -> np.ndarray:
+    if picture.dtype == np.uint8:
+        return cv2.convertScaleAbs(picture, dst=into, alpha=share)
+    return np.multiply(picture, np.float32(share), out=into)
 
 
-def _forgiven(excess: np.ndarray, expected: Local, actual: Local, polarity: int) -> np.ndarray:
+def _still(actual: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """White where the actual contrast is still that of an edge where one is expected, 0 elsewhere."""
+    if actual.dtype == np.uint8:
+        # the least whole number that is enough
+        return cv2.compare(actual, cv2.convertScaleAbs(expected, alpha=_STILL_AN_EDGE, beta=0.45), cv2.CMP_GE)
+    return (actual >= np.float32(_STILL_AN_EDGE) * expected) * np.float32(255)
+
+
+def _forgiven(reference: np.ndarray, seen: np.ndarray, planes: np.ndarray, polarity: int, far: int) -> np.ndarray:
     """Excess without edges that stray: thin, long and close beside an edge, as etching and wear move them.
 
     What is thick, short, or away from edges stays: notches, spurs, spots and scratches. So does what lies where the
     expected picture shows an edge and the actual one shows none: that edge has not strayed, it is missing.
+
+    `planes` lie side by side: what was added, the reference expected, and what is missing, the frame expected.
     """
-    if not excess.any():
-        return excess
-    seen = actual.picture
-    far = _less(seen, expected.bright) if polarity == BRIGHT else _less(expected.dark, seen)
-    lines = cv2.morphologyEx(excess, cv2.MORPH_OPEN, _LINES[0])
+    (dark, bright), (around_dark, around_bright) = _about(reference, far), _about(seen, far)
+    if polarity == BRIGHT:
+        beyond = np.concatenate([_less(seen, bright), _less(around_dark, reference)], axis=1)
+    else:
+        beyond = np.concatenate([_less(dark, seen), _less(reference, around_bright)], axis=1)
+    varies, does = cv2.subtract(bright, dark), cv2.subtract(around_bright, around_dark)
+    lines = cv2.morphologyEx(planes, cv2.MORPH_OPEN, _LINES[0])
     for line in _LINES[1:]:
-        lines = cv2.max(lines, cv2.morphologyEx(excess, cv2.MORPH_OPEN, line))
-    lines[actual.contrast < np.float32(_STILL_AN_EDGE) * expected.contrast] = 0
+        lines = cv2.max(lines, cv2.morphologyEx(planes, cv2.MORPH_OPEN, line))
+    lines = cv2.min(lines, np.concatenate([_still(does, varies), _still(varies, does)], axis=1))
     # even sides have no middle: what eroding shifts, dilating must shift back
-    thick = cv2.min(excess, cv2.dilate(cv2.erode(excess, _THICK, anchor=(2, 2)), _THICK, anchor=(1, 1)))
-    return cv2.max(cv2.max(cv2.subtract(excess, lines), thick), cv2.min(excess, far))
+    thick = cv2.min(planes, cv2.dilate(cv2.erode(planes, _THICK, anchor=(2, 2)), _THICK, anchor=(1, 1)))
+    left = cv2.max(cv2.max(cv2.subtract(planes, lines), thick), cv2.min(planes, beyond))
+    w = reference.shape[1]
+    return cv2.max(left[:, :w], left[:, w:])

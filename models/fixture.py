@@ -6,7 +6,9 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from math import sqrt
 
+import cv2
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -14,6 +16,7 @@ AT, PACE, OFFSET = 0, 1, slice(2, 5)
 _AT_STD, _PACE_STD, _OFFSET_STD = 2.0, 0.25, np.array([3.0, 3.0, 0.01])
 _WANDER = np.diag(np.square([0.15, 0.10, 0.12, 0.12, 0.0003]))
 """What may change from one frame to the next: place, pace, fixture offset (px, px, rad)."""
+_SAME = np.eye(5)
 _STILL_STD = 0.5
 _ALONG_STD = 8.0
 
@@ -60,13 +63,27 @@ class Path:
 
     def between(self, start: float, end: float) -> Float[np.ndarray, " 2"]:
         """Displacement of the picture from one place to another, in pixels."""
-        return self.at(end) - self.at(start)
+        return np.array(self.way(start, end))
+
+    def way(self, start: float, end: float) -> tuple[float, float]:
+        """The same as two numbers."""
+        (x, y), (u, v) = self._at(start), self._at(end)
+        return u - x, v - y
 
     def at(self, place: float) -> Float[np.ndarray, " 2"]:
         """Displacement of the picture from the first place, in pixels; held at the ends."""
-        i = min(max(int(place), 0), len(self.points) - 2)
+        return np.array(self._at(place))
+
+    def _at(self, place: float) -> tuple[float, float]:
+        i = min(max(int(place), 0), len(self._listed) - 2)
         fraction = min(max(place - i, 0.0), 1.0)
-        return self.points[i] * (1.0 - fraction) + self.points[i + 1] * fraction
+        (x, y), (u, v) = self._listed[i], self._listed[i + 1]
+        return x + fraction * (u - x), y + fraction * (v - y)
+
+    @cached_property
+    def _listed(self) -> list[list[float]]:
+        """The points as Python's own numbers: ten times as fast one by one."""
+        return self.points.tolist()
 
     def along(self, places: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
         """The same for many places."""
@@ -76,8 +93,7 @@ class Path:
 
     def speed(self, at: float) -> Float[np.ndarray, " 2"]:
         """Displacement per place about `at`."""
-        i = min(max(int(at), 0), len(self.motion) - 2)
-        return self.motion[i]
+        return self.motion[min(max(int(at), 0), len(self.motion) - 2)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +116,9 @@ class Fixture:
 
     def seen(self, path: Path) -> float:
         """The place that the picture shows: an offset along the path looks like travel, and cannot be told from it."""
-        speed = path.speed(self.at)
-        return self.at + float(speed @ self.mean[2:4]) / max(float(speed @ speed), 1.0)
+        at, _, x, y, _ = self.mean.tolist()
+        u, v = path.speed(at).tolist()
+        return at + (u * x + v * y) / max(u * u + v * v, 1.0)
 
     @property
     def offset(self) -> Float[np.ndarray, " 3"]:
@@ -111,17 +128,18 @@ class Fixture:
     @property
     def uncertainty(self) -> float:
         """Standard deviation of the place, in reference frames."""
-        return float(np.sqrt(self.covariance[AT, AT]))
+        return sqrt(float(self.covariance[AT, AT]))
 
     def predict(self, elapsed: float, path: Path) -> Fixture:
         """`elapsed` nominal frame intervals later: the place moves on; a rotation turns travel into offset."""
-        f = np.eye(5)
-        f[AT, PACE] = elapsed
-        mean = f @ self.mean
-        mean[AT] = min(max(float(mean[AT]), -1.0), float(len(path.motion)))
-        dx, dy = path.between(self.at, float(mean[AT]))
-        mean[2:4] += self.mean[4] * np.array([dy, -dx])
-        return Fixture(mean, f @ self.covariance @ f.T + _WANDER * max(elapsed, 0.1))
+        at, pace, x, y, turn = self.mean.tolist()
+        then = min(max(at + elapsed * pace, -1.0), float(len(path.motion)))
+        dx, dy = path.way(at, then)
+        covariance = self.covariance + _WANDER * max(elapsed, 0.1)
+        covariance[AT] += elapsed * self.covariance[PACE]
+        covariance[:, AT] += elapsed * self.covariance[:, PACE]
+        covariance[AT, AT] += elapsed**2 * self.covariance[PACE, PACE]
+        return Fixture(np.array([then, pace, x + turn * dy, y - turn * dx, turn]), covariance)
 
     def halted(self) -> Fixture:
         """The same moment if the robot had not moved since the frame before."""
@@ -131,9 +149,9 @@ class Fixture:
 
     def _as_pose(self, reference: int, path: Path) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 5"]]:
         """Where a picture lies on `reference`: displacement along the path, turned, + offset; and its slopes."""
-        (sx, sy), (dx, dy) = path.speed(self.at), path.between(reference, self.at)
-        slopes = np.array([[sx, 0, 1, 0, -dy], [sy, 0, 0, 1, dx], [0, 0, 0, 0, 1]], float)
-        x, y, turn = (float(v) for v in self.offset)
+        at, _, x, y, turn = self.mean.tolist()
+        (sx, sy), (dx, dy) = path.speed(at).tolist(), path.way(reference, at)
+        slopes = np.array([[sx, 0, 1, 0, -dy], [sy, 0, 0, 1, dx], [0, 0, 0, 0, 1]])
         return np.array([x + dx - turn * dy, y + dy + turn * dx, turn]), slopes
 
     def pose(self, reference: int, path: Path) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
@@ -144,21 +162,21 @@ class Fixture:
     def measure(self, reference: int, pose: np.ndarray, noise: np.ndarray, path: Path) -> Fixture:
         """What a registration to `reference` says."""
         expected, h = self._as_pose(reference, path)
-        s = h @ self.covariance @ h.T + noise
-        gain = np.linalg.solve(s, h @ self.covariance).T
+        seen = h @ self.covariance
+        gain = cv2.solve(seen @ h.T + noise, seen)[1].T
         mean = self.mean + gain @ (pose - expected)
         mean[PACE] = min(max(float(mean[PACE]), 0.0), 4.0)
-        keep = np.eye(5) - gain @ h
+        keep = _SAME - gain @ h
         return Fixture(mean, keep @ self.covariance @ keep.T + gain @ noise @ gain.T)
 
     def settled(self, path: Path) -> Fixture:
         """Pull the offset along the path, which no picture can tell from travel, gently to nothing."""
-        speed = path.speed(self.at)
-        length = float(np.sqrt(speed @ speed))
+        at, _, x, y, _ = self.mean.tolist()
+        u, v = path.speed(at).tolist()
+        length = sqrt(u * u + v * v)
         if length < 0.5:
             return self
-        h = np.zeros(5)
-        h[2:4] = speed / length
-        ph = self.covariance @ h
-        gain = ph / (h @ ph + _ALONG_STD**2)
-        return Fixture(self.mean - gain * float(h @ self.mean), self.covariance - np.outer(gain, ph))
+        u, v = u / length, v / length
+        ph = u * self.covariance[2] + v * self.covariance[3]
+        gain = ph / (u * float(ph[2]) + v * float(ph[3]) + _ALONG_STD**2)
+        return Fixture(self.mean - gain * (u * x + v * y), self.covariance - gain[:, None] * ph)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from math import hypot
 
 import numpy as np
 
@@ -20,6 +22,9 @@ from models.verdict import FrameState, Policy, Residuals, Result, ScoredFrame
 
 _LOST_AFTER = 8
 """Frames that agree with no place, one after the other, before it is said to be lost."""
+_WAITS = 200
+"""Frames without one that could be compared, after which the part is waited for again."""
+_CHUNK = 256
 _UNSURE = 1.5
 """Standard deviation of the place, in reference frames, from which on it is not known."""
 _OFFSET_LIMIT = 0.08
@@ -39,9 +44,23 @@ class Inspection:
     limits: Limits
     """For the false-reject target and the sensitivity of the policy."""
     memory: Memory
-    frames: tuple[ScoredFrame, ...] = ()
+    earlier: tuple[tuple[ScoredFrame, ...], ...] = ()
+    """All frames scored but the last few, so many at a time: one more frame costs no more after ten thousand."""
+    latest: tuple[ScoredFrame, ...] = ()
+    last_scored: int | None = None
+    """Index of the last frame that could be compared."""
     dropped: int = 0
     last_sequence: int | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of frames so far."""
+        return len(self.earlier) * _CHUNK + len(self.latest)
+
+    @cached_property
+    def frames(self) -> tuple[ScoredFrame, ...]:
+        """What was said of every frame so far."""
+        return tuple(frame for chunk in (*self.earlier, self.latest) for frame in chunk)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +96,14 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
     scored = _scored(inspection, frame, memory, shown)
     last = inspection.last_sequence
     dropped = inspection.dropped + (max(0, frame.sequence - last - 1) if last is not None else 0)
-    return replace(
-        inspection,
-        memory=memory,
-        frames=(*inspection.frames, scored),
-        dropped=dropped,
-        last_sequence=frame.sequence,
-    ), scored
+    earlier, latest = inspection.earlier, (*inspection.latest, scored)
+    if len(latest) == _CHUNK:
+        earlier, latest = (*earlier, latest), ()
+    last_scored = scored.index if scored.state is FrameState.SCORED else inspection.last_scored
+    now = Inspection(
+        appearance, inspection.policy, inspection.limits, memory, earlier, latest, last_scored, dropped, frame.sequence
+    )
+    return now, scored
 
 
 def conclude(inspection: Inspection, stopped: bool = False) -> Result:
@@ -129,18 +149,17 @@ def explain(appearance: Appearance, frame: Frame, scored: ScoredFrame) -> Explan
 
 
 def _scored(inspection: Inspection, frame: Frame, memory: Memory, shown: Look | None) -> ScoredFrame:
-    index, appearance = len(inspection.frames), inspection.appearance
+    index, appearance = inspection.count, inspection.appearance
     state = _state(inspection, memory, shown)
     if state is not FrameState.SCORED or shown is None or shown.score is None:
         none = Residuals(0.0, 0.0, 0.0)
         s = None if shown is None or state is not FrameState.STRANGE else _coordinate(appearance, shown)
         return ScoredFrame(index, frame.t_ns, state, s, 0.0, 0.0, none)
     located = shown.located
-    score = float(shown.score.max())
-    s = _coordinate(appearance, shown)
+    score, s = shown.peak, _coordinate(appearance, shown)
     residuals = Residuals(score, _position(appearance, memory, shown), _timing(memory))
     pose = full_pose(located.registered.pose, appearance.size)
-    placement = tuple(float(v) for v in affine(pose, appearance.size).ravel())
+    placement = tuple(affine(pose, appearance.size).ravel().tolist())
     return ScoredFrame(
         index,
         frame.t_ns,
@@ -152,12 +171,14 @@ def _scored(inspection: Inspection, frame: Frame, memory: Memory, shown: Look | 
         regions(appearance, shown),
         located.reference,
         placement,
-        tuple(float(v) for v in located.registered.light),
+        tuple(located.registered.light.tolist()),
     )
 
 
 def _coordinate(appearance: Appearance, shown: Look) -> float:
-    return float(np.interp(shown.located.at, np.arange(appearance.places), appearance.s))
+    at = min(max(shown.located.at, 0.0), appearance.places - 1.0)
+    i = min(int(at), appearance.places - 2)
+    return float(appearance.s[i] + (at - i) * (appearance.s[i + 1] - appearance.s[i]))
 
 
 def _state(inspection: Inspection, memory: Memory, shown: Look | None) -> FrameState:
@@ -167,7 +188,7 @@ def _state(inspection: Inspection, memory: Memory, shown: Look | None) -> FrameS
         return FrameState.SCORED
     if shown.located.resembles:
         return FrameState.STRANGE
-    if not any(frame.state is FrameState.SCORED for frame in inspection.frames[-200:]):
+    if inspection.last_scored is None or inspection.last_scored < inspection.count - _WAITS:
         return FrameState.WAITING
     return FrameState.LOST if memory.trail.misses > _LOST_AFTER else FrameState.AMBIGUOUS
 
@@ -177,9 +198,9 @@ def _position(appearance: Appearance, memory: Memory, shown: Look) -> float:
     fixture = memory.trail.fixture
     off = 0.0
     if fixture is not None:
-        off = float(np.hypot(*fixture.offset[:2])) / (_OFFSET_LIMIT * WIDE)
+        off = hypot(*fixture.offset[:2].tolist()) / (_OFFSET_LIMIT * WIDE)
     # the curve's slopes hold for small shifts only: a part that lies off is allowed more
-    shift = float(np.hypot(*shown.located.registered.pose[:2]))
+    shift = hypot(*shown.located.registered.pose[:2].tolist())
     return max(off, shown.z_distance / (_OFF_CURVE * (1.0 + 0.5 * shift)))
 
 

@@ -192,7 +192,7 @@ def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appe
         memory, shown = look(appearance, appearance.limits, memory, frame)
         if shown is None or shown.score is None:
             continue
-        scores.append(float(shown.score.max()))
+        scores.append(shown.peak)
         located = shown.located
         reached[located.reference] = min(reached[located.reference], max(located.agreement, 0.0))
         if usual is not None and located.registered.residual > _DOUBTFUL * usual:

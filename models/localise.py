@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -40,6 +41,7 @@ _LIES_STD, _TURNED = np.array([1.0, 1.0, 0.005]), 0.5
 """Where pictures do not move: how a part may lie (pixels, radians), and how well its place is known, in frames."""
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
+_LIGHT_ANY, _LIGHT_STEADY = (np.diag(1 / np.square(std)) for std in (_LIGHT_STD, 3 * _LIGHT_WANDER))
 _POSE_FLOOR = np.diag(np.square([0.15, 0.15, 0.0005]))
 
 
@@ -132,7 +134,7 @@ class Attempt:
 
 def _light(model: Template, smoothed: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """How the frame is lit, before it is placed: lamp and lens look alike wherever the part lies."""
-    fixed = Prior(pose, np.diag([1e9, 1e9, 1e15]), NO_LIGHT, np.diag(1 / np.square(_LIGHT_STD)))
+    fixed = Prior(pose, np.diag([1e9, 1e9, 1e15]), NO_LIGHT, _LIGHT_ANY)
     return register(model, smoothed, fixed).light
 
 
@@ -156,8 +158,8 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
     model = scene.guide.template(reference)
     pose, covariance = guess.pose(reference, path)
     light = scene.light(model, pose) if light is None else light
-    std = _LIGHT_STD if scene.trail.light is None else 3 * _LIGHT_WANDER
-    prior = Prior(pose, np.linalg.inv(covariance + _POSE_FLOOR), light, np.diag(1 / np.square(std)))
+    precision = _LIGHT_ANY if scene.trail.light is None else _LIGHT_STEADY
+    prior = Prior(pose, cv2.invert(covariance + _POSE_FLOOR)[1], light, precision)
     far = scene.trail.fixture is None or guess.uncertainty > _SURE
     registered = register(model, scene.smoothed, prior, STEPS_FAR if far else STEPS)
     fixture = guess.measure(reference, registered.pose, registered.covariance + _POSE_FLOOR, path)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, UInt8
 
 PLACES = 5
 """How many places must agree."""
@@ -15,7 +16,8 @@ _TRAVEL = 0.019
 _FEW = np.ones(256, np.float32)
 _FEW[: PLACES + 1] = 1 / np.array([np.inf, 3.0, 2.0, 1.5, 1.2, 1.0])
 """What has been seen at fewer places must be that much stronger."""
-_UNSEEN = np.float32(1e9)
+Cells = tuple[slice, slice]
+"""A rectangle of them: rows and columns."""
 _GROW = np.ones((3, 3), np.uint8)
 
 
@@ -29,56 +31,58 @@ class Sight:
     grid: Float[np.ndarray, " 2"]
     """Displacement of the reference picture that the score is laid on."""
     score: Float[np.ndarray, "rows cols 2"]
-    """Grown by one cell; beyond all bounds where nothing was seen."""
+    """Grown by one cell."""
+    shown: Cells
+    """Where anything was seen."""
 
 
 def persist(
     sights: tuple[Sight, ...],
     score: Float[np.ndarray, "rows cols 2"],
-    hidden: Bool[np.ndarray, "rows cols"],
+    shown: Cells,
     sight: tuple[float, Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]],
     cell: int,
 ) -> tuple[tuple[Sight, ...], Float[np.ndarray, "rows cols 2"]]:
     """The last places with this one added, newest last, and the score that all of them agree on.
 
     `sight` is the place, the displacement of the frame, and the displacement of the reference picture that `score`
-    is laid on, which the answer is laid on, too. Cells in `hidden` are not seen.
+    is laid on, which the answer is laid on, too. Only cells in `shown` are seen.
     """
     place, point, grid = sight
-    agreed = score.copy()
-    grown = cv2.dilate(agreed, _GROW)
-    masked = hidden.view(np.uint8)
-    cv2.copyTo(np.full_like(grown, _UNSEEN), masked, grown)
-    rows, cols = hidden.shape
+    rows, cols, _ = score.shape
     stays = bool(sights) and abs(sights[-1].place - place) < 1.0
-    if stays and np.hypot(*(sights[-1].point - point)) < _TRAVEL * cols * cell:
+    grown = cv2.dilate(score, _GROW)
+    if stays and hypot(*(sights[-1].point - point).tolist()) < _TRAVEL * cols * cell:
         others = sights[:-1]
-        newest = Sight(sights[-1].point, sights[-1].place, grid, grown)
+        newest = Sight(sights[-1].point, sights[-1].place, grid, grown, shown)
     else:
         others = sights[-(PLACES - 1) :]
-        newest = Sight(point, place, grid, grown)
+        newest = Sight(point, place, grid, grown, shown)
+    agreed = np.zeros_like(score)
+    agreed[shown] = score[shown]
     count = np.ones((rows, cols), np.uint8)
     for other in others:
-        _agree(agreed, count, other.score, (grid - other.grid) / cell)
+        x, y = ((grid - other.grid) / cell).tolist()
+        _agree(agreed, count, shown, other, (round(y), round(x)))
     few = cv2.LUT(count, _FEW)
-    cv2.multiply(agreed, cv2.merge([few, few]), agreed)
-    cv2.copyTo(np.zeros_like(agreed), masked, agreed)
-    return (*others, newest), agreed
+    return (*others, newest), cv2.multiply(agreed, cv2.merge([few, few]))
 
 
 def _agree(
     agreed: Float[np.ndarray, "rows cols 2"],
-    count: Int[np.ndarray, "rows cols"],
-    other: Float[np.ndarray, "rows cols 2"],
-    by: Float[np.ndarray, " 2"],
+    count: UInt8[np.ndarray, "rows cols"],
+    shown: Cells,
+    other: Sight,
+    by: tuple[int, int],
 ) -> None:
-    """Lower `agreed` to what another place saw, its map moved by so many cells, to the nearest; and count it."""
-    rows, cols = count.shape
-    dx, dy = round(float(by[0])), round(float(by[1]))
-    if abs(dx) >= cols or abs(dy) >= rows:
-        return
-    here = slice(max(0, dy), rows + min(0, dy)), slice(max(0, dx), cols + min(0, dx))
-    there = slice(max(0, -dy), rows + min(0, -dy)), slice(max(0, -dx), cols + min(0, -dx))
-    moved = other[there]
-    count[here] += moved[:, :, 0] < _UNSEEN
-    agreed[here] = cv2.min(agreed[here], moved)
+    """Lower `agreed` to what another place saw, its map moved by so many cells down and across; and count it."""
+    here, there = list[slice](), list[slice]()
+    for mine, its, moved in zip(shown, other.shown, by, strict=True):
+        start, stop = max(mine.start, its.start + moved), min(mine.stop, its.stop + moved)
+        if start >= stop:
+            return
+        here.append(slice(start, stop))
+        there.append(slice(start - moved, stop - moved))
+    both = here[0], here[1]
+    count[both] += 1
+    agreed[both] = cv2.min(agreed[both], other.score[there[0], there[1]])

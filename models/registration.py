@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, sin, sqrt
 
 import cv2
 import numpy as np
@@ -72,7 +73,8 @@ def smooth(picture: np.ndarray) -> Float[np.ndarray, "h w"]:
 def full_pose(pose: Float[np.ndarray, " 3"], size: tuple[int, int]) -> Float[np.ndarray, " 3"]:
     """A pose in registration's pixels as one in pixels of the picture of this (width, height)."""
     by = shrink_by(size)
-    return pose * np.array([by, by, 1.0])
+    x, y, turn = pose.tolist()
+    return np.array([by * x, by * y, turn])
 
 
 @dataclass(frozen=True)
@@ -164,23 +166,25 @@ class Template:
 
 def affine(pose: Float[np.ndarray, " 3"], size: tuple[int, int]) -> Float[np.ndarray, "2 3"]:
     """The map from reference pixels to frame pixels."""
-    tx, ty, angle = (float(v) for v in pose)
-    c, s = np.cos(angle), np.sin(angle)
+    tx, ty, angle = pose.tolist()
+    c, s = cos(angle), sin(angle)
     cx, cy = (size[0] - 1) / 2, (size[1] - 1) / 2
     return np.array([[c, -s, cx + tx - c * cx + s * cy], [s, c, cy + ty - s * cx - c * cy]])
 
 
 def compose(pose: Float[np.ndarray, " 3"], inner: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
     """The pose that first applies `inner`, then `pose`."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return np.array([pose[0] + c * inner[0] - s * inner[1], pose[1] + s * inner[0] + c * inner[1], pose[2] + inner[2]])
+    (x, y, angle), (u, v, turn) = pose.tolist(), inner.tolist()
+    c, s = cos(angle), sin(angle)
+    return np.array([x + c * u - s * v, y + s * u + c * v, angle + turn])
 
 
 def _sample(template: Template, frame: np.ndarray, pose: Float[np.ndarray, " 3"]) -> tuple[np.ndarray, np.ndarray]:
     """Values of the frame where the points lie under `pose`, and where that is: (n,), (2, n)."""
     tw, th = template.size
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    m = np.array([[c, -s, pose[0] + (tw - 1) / 2], [s, c, pose[1] + (th - 1) / 2]], np.float32)
+    x, y, angle = pose.tolist()
+    c, s = cos(angle), sin(angle)
+    m = np.array([[c, -s, x + (tw - 1) / 2], [s, c, y + (th - 1) / 2]], np.float32)
     at = m @ template.points
     values = cv2.remap(frame, at[:1], at[1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return values.reshape(-1).astype(np.float32), at
@@ -197,7 +201,9 @@ def _scale(residual: np.ndarray) -> float:
     """Robust standard deviation, never below what eight bits can show."""
     if not len(residual):
         return np.inf
-    middle = np.partition(np.abs(residual), len(residual) // 2)[len(residual) // 2]
+    size = np.abs(residual)
+    size.partition(len(size) // 2)
+    middle = size[len(size) // 2]
     return max(1.4826 * float(middle), 0.5)
 
 
@@ -211,32 +217,34 @@ def register(template: Template, frame: np.ndarray, prior: Prior, steps: int = S
     pose, light = prior.pose.copy(), prior.light.copy()
     values, at = _sample(template, frame, pose)
     inside = _inside(at, frame)
-    precision = np.eye(POSE + LIGHT)
-    residual, gain = values, 1.0
+    precision, gain = np.eye(POSE + LIGHT), 1.0
+    known = np.zeros((POSE + LIGHT, POSE + LIGHT))
+    known[POSE:, POSE:] = prior.light_precision
     for _ in range(steps):
         residual = values - light.astype(np.float32) @ jac[POSE:]
         sigma = _scale(residual[inside])
-        if not np.isfinite(sigma):
+        if sigma == np.inf:
             break
-        weight = 1 + np.square(residual * np.float32(1 / (_BOUND * sigma)))
-        weighted = jac * (inside * np.float32(_SHARED / sigma**2) / np.square(weight))
-        precision = (weighted @ jac.T).astype(np.float64)
-        pull = (weighted @ residual).astype(np.float64)
+        weight = residual * np.float32(1 / (_BOUND * sigma))
+        weight *= weight
+        weight += 1
+        weight *= weight
+        weighted = jac * (inside * np.float32(_SHARED / sigma**2) / weight)
         gain = max(float(light[0]), 0.2)
-        pull[:POSE] += prior.pose_precision @ (prior.pose - pose) / gain
-        pull[POSE:] += prior.light_precision @ (prior.light - light)
-        precision[:POSE, :POSE] += prior.pose_precision / gain**2
-        precision[POSE:, POSE:] += prior.light_precision
-        step = np.linalg.solve(precision, pull)
+        known[:POSE, :POSE] = prior.pose_precision / gain**2
+        apart = np.concatenate([(prior.pose - pose) * gain, prior.light - light])
+        precision = weighted @ jac.T + known
+        step = cv2.solve(precision, (weighted @ residual + known @ apart)[:, None])[1].ravel()
         pose = compose(pose, step[:POSE] / gain)
         light = light + step[POSE:]
         values, at = _sample(template, frame, pose)
+        x, y, turn = step[:POSE].tolist()
         # a turn moves the corners by half the width
-        if max(abs(step[0]), abs(step[1]), abs(step[2]) * frame.shape[1] / 2) < _SETTLED * gain:
+        if max(abs(x), abs(y), abs(turn) * frame.shape[1] / 2) < _SETTLED * gain:
             break
     inside = _inside(at, frame)
     residual = (values - light.astype(np.float32) @ jac[POSE:])[inside]
-    covariance = np.linalg.inv(precision)[:POSE, :POSE] / gain**2
+    covariance = cv2.invert(precision)[1][:POSE, :POSE] / gain**2
     if len(residual) < len(values) / 10:
         return Registered(pose, light, covariance, np.inf, -1.0)
     agreement = _agreement(template.shape[inside] * np.float32(gain), residual)
@@ -245,10 +253,12 @@ def register(template: Template, frame: np.ndarray, prior: Prior, steps: int = S
 
 def _agreement(detail: np.ndarray, residual: np.ndarray) -> float:
     """Correlation of detail, with what is not explained clipped: a defect is not a wrong place."""
-    limit = 2.0 * max(float(np.sqrt(detail @ detail / len(detail))), 0.5)
-    left = np.clip(residual, -limit, limit)
-    seen = detail + left - left.mean()
-    return float(seen @ detail / np.sqrt(max(float(seen @ seen) * float(detail @ detail), 1e-9)))
+    energy = float(detail @ detail)
+    limit = 2.0 * max(sqrt(energy / len(detail)), 0.5)
+    seen = np.minimum(np.maximum(residual, -limit), limit)
+    seen -= np.add.reduce(seen) / np.float32(len(seen))
+    seen += detail
+    return float(seen @ detail) / sqrt(max(float(seen @ seen) * energy, 1e-9))
 
 
 def scan(

@@ -14,7 +14,7 @@ from models.limits import Limits
 from models.localise import Located, Trail, begin, locate, locate_by_look
 from models.persistence import Sight, persist
 from models.registration import affine, full_pose, shrink_by, smooth
-from models.tolerance import BRIGHT, aligned, beyond, evidence, levels, outside
+from models.tolerance import BRIGHT, aligned, beyond, cells_shown, evidence, levels
 from models.verdict import Region
 
 _WIDENS = 0.5
@@ -41,8 +41,10 @@ class Look:
     """Distance of z from the curve where the frame was placed: about 1 on a good part."""
     score: Float[np.ndarray, "rows cols 2"] | None
     """Evidence over threshold that the last places agree on; None where the frame could not be compared."""
+    peak: float
+    """The largest score agreed on."""
     raw: float
-    """The largest evidence agreed on, in grey levels."""
+    """The evidence there, in grey levels."""
 
 
 def remember(appearance: Appearance) -> Memory:
@@ -52,7 +54,7 @@ def remember(appearance: Appearance) -> Memory:
 
 def is_blind(picture: np.ndarray) -> bool:
     """Lamp out, lens covered or saturated: nothing to see."""
-    return float(cv2.meanStdDev(picture)[1].max()) < _BLIND_SPREAD
+    return max(cv2.meanStdDev(picture)[1].ravel().tolist()) < _BLIND_SPREAD
 
 
 def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -> tuple[Memory, Look | None]:
@@ -74,24 +76,26 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
         trail, located = locate_by_look(guide, memory.trail, smoothed, away, elapsed)
     distance = appearance.track.misfit(round(located.at), z.astype(float))
     if not located.verified:
-        return Memory(trail, memory.sights, frame.t_ns), Look(located, distance, None, 0.0)
+        return Memory(trail, memory.sights, frame.t_ns), Look(located, distance, None, 0.0, 0.0)
     reference = references.get(located.reference)
     threshold = limits.threshold(reference.band.contrast)
     pose = full_pose(located.registered.pose, appearance.size)
     laid = aligned(picture, pose, located.registered.light)
-    score = evidence(reference.band, laid, reference.cell, threshold) / threshold[:, :, None]
-    hidden = outside(pose, appearance.size, reference.cell)
+    box = cells_shown(pose, appearance.size, reference.cell)
+    found = evidence(reference.band, laid, reference.cell, threshold, box)
+    score = cv2.divide(found, cv2.merge([threshold, threshold]))
     by = shrink_by(appearance.size)
     grid, point = by * appearance.path.at(located.reference), by * appearance.path.at(located.at)
-    sights, score = persist(memory.sights, score, hidden, (located.at, point, grid), reference.cell)
-    peak = np.unravel_index(int(score.argmax()), score.shape)
-    shown = Look(located, distance, score, float(score[peak] * threshold[peak[:2]]))
+    sights, score = persist(memory.sights, score, box, (located.at, point, grid), reference.cell)
+    most = int(score.argmax())
+    peak = float(score.ravel()[most])
+    shown = Look(located, distance, score, peak, peak * float(threshold.ravel()[most // 2]))
     return Memory(trail, sights, frame.t_ns), shown
 
 
 def regions(appearance: Appearance, shown: Look) -> tuple[Region, ...]:
     """Where the score is at the threshold or above, in pixels of the frame; the strongest first."""
-    if shown.score is None or float(shown.score.max()) < 1.0:
+    if shown.score is None or shown.peak < 1.0:
         return ()
     size, cell = appearance.size, appearance.references.cell
     m = affine(full_pose(shown.located.registered.pose, size), size)
@@ -117,7 +121,7 @@ def _elapsed(appearance: Appearance, memory: Memory, frame: Frame) -> float:
     """Nominal frame intervals since the frame before: 1 where times cannot tell."""
     if memory.t_ns is None or appearance.interval_ns <= 0:
         return 1.0
-    return float(np.clip((frame.t_ns - memory.t_ns) / appearance.interval_ns, 0.05, 12.0))
+    return min(max((frame.t_ns - memory.t_ns) / appearance.interval_ns, 0.05), 12.0)
 
 
 def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> dict[int, np.ndarray]:
@@ -127,7 +131,7 @@ def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> d
     """
     located = shown.located
     reference = appearance.references.get(located.reference)
-    if shown.score is None or float(shown.score.max()) < _WIDENS:
+    if shown.score is None or shown.peak < _WIDENS:
         return {}
     h, w = picture.shape[:2]
     laid = aligned(picture, full_pose(located.registered.pose, (w, h)), located.registered.light)

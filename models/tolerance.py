@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil, floor
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from models.excess import BRIGHT, DARK, MARGIN, Box, Excess, strongest
+from models.excess import BRIGHT, DARK, Excess, strongest
 from models.excess import band as ends
+from models.patches import Patches
 from models.registration import affine
 
+Box = tuple[slice, slice]
+EVERYWHERE: Box = slice(None), slice(None)
 _GROW = np.ones((3, 3), np.uint8)
-_GROUPS = 64
-"""Groups of cells that are looked at one by one; more cost more than all of the picture at once."""
 _MATTERS = 0.5
 """Share of the threshold from which on edges that stray are worth forgiving."""
 _RIM = 4
@@ -71,7 +73,7 @@ def aligned(picture: np.ndarray, pose: Float[np.ndarray, " 3"], light: Float[np.
     h, w = picture.shape[:2]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     laid = cv2.warpAffine(picture, affine(pose, (w, h)), (w, h), flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    gain, offset, across, down = (float(v) for v in light)
+    gain, offset, across, down = light.tolist()
     if abs(across) + abs(down) < _EVEN:
         return _scaled(laid, 1 / max(gain, 0.1), -offset / max(gain, 0.1))
     laid = laid if abs(offset) < 0.5 else _scaled(laid, 1.0, -offset)
@@ -97,81 +99,69 @@ def _scaled(picture: np.ndarray, by: float, plus: float) -> np.ndarray:
 def beyond(band: Band, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far each pixel is too bright, and too dark, edges that stray forgiven: grey levels, never negative."""
     excess = Excess.of(band.reference, (band.low, band.high), seen)
-    everywhere = slice(None), slice(None)
-    return _within(band, excess.forgiven(BRIGHT, everywhere), BRIGHT), _within(
-        band, excess.forgiven(DARK, everywhere), DARK
-    )
+    return _within(band, excess.forgiven(BRIGHT), BRIGHT), _within(band, excess.forgiven(DARK), DARK)
 
 
-def _within(band: Band, excess: np.ndarray, polarity: int, box: Box = (slice(None), slice(None))) -> np.ndarray:
+def _within(band: Band, excess: np.ndarray, polarity: int, patches: Patches | None = None) -> np.ndarray:
     """What is left of an excess when what golden sweeps showed is allowed."""
     if band.more is None:
         return excess
-    return np.maximum(cv2.subtract(excess, band.more[polarity][box]), 0)
+    more = band.more[polarity]
+    return np.maximum(cv2.subtract(excess, patches.cut(more) if patches else more), 0)
 
 
 def evidence(
-    band: Band, seen: np.ndarray, cell: int, threshold: Float[np.ndarray, "rows cols"]
+    band: Band, seen: np.ndarray, cell: int, threshold: Float[np.ndarray, "rows cols"], box: Box = EVERYWHERE
 ) -> Float[np.ndarray, "rows cols 2"]:
     """Mean excess over a box of six pixels, the largest per cell, bright and dark apart, in grey levels.
 
-    Edges that stray are forgiven where that can matter: about cells that come near the threshold.
+    Edges that stray are forgiven where that can matter: about cells inside of `box` that come near the threshold.
     """
     excess = Excess.of(band.reference, (band.low, band.high), seen)
-    found: list[np.ndarray] = []
-    for polarity in (BRIGHT, DARK):
-        whole = _within(band, excess.whole(polarity), polarity)
-        cells = _to_cells(whole, cell)
-        boxes = _boxes(cells >= _MATTERS * threshold, cell)
-        for box in boxes:
-            whole[box] = _within(band, excess.forgiven(polarity, box), polarity, box)
-        if boxes:
-            cells = _to_cells(whole, cell)
-        found.append(cells)
-    return cv2.merge(found)
+    enough = np.full_like(threshold, np.inf)
+    enough[box] = _MATTERS * threshold[box]
+    return cv2.merge([_evidence(band, excess, polarity, cell, enough) for polarity in (BRIGHT, DARK)])
 
 
-def _boxes(strong: Bool[np.ndarray, "rows cols"], cell: int) -> list[Box]:
-    """Pixels about cells, a box for each group of them; one for all where there are many."""
-    if not strong.any():
-        return []
-    near = cv2.dilate(strong.view(np.uint8), _GROW)
-    count, _, found, _ = cv2.connectedComponentsWithStats(near, connectivity=8)
-    rects = [tuple(int(v) for v in stats[:4]) for stats in found[1:]]
-    if count > _GROUPS:
-        rects = [cv2.boundingRect(near)]
-    return [
-        (
-            slice(max(0, y * cell - MARGIN), (y + h) * cell + MARGIN),
-            slice(max(0, x * cell - MARGIN), (x + w) * cell + MARGIN),
-        )
-        for x, y, w, h in rects
-    ]
+def _evidence(
+    band: Band, excess: Excess, polarity: int, cell: int, enough: Float[np.ndarray, "rows cols"]
+) -> Float[np.ndarray, "rows cols"]:
+    shape = excess.seen.shape
+    cells = _picked(_means(_within(band, excess.whole(polarity), polarity), cell), shape, cell)
+    strong = cv2.compare(cells, enough, cv2.CMP_GE)
+    if not cv2.countNonZero(strong):
+        return cells
+    patches = Patches.about(cv2.dilate(strong, _GROW), cell, shape)
+    means = _means(_within(band, excess.forgiven(polarity, patches), polarity, patches), cell)
+    return patches.put(means, cells, cell) if patches else _picked(means, shape, cell)
 
 
-def _to_cells(excess: np.ndarray, cell: int) -> Float[np.ndarray, "rows cols"]:
-    """Averaged over six pixels, at half the size; then the largest in each cell."""
+def _means(excess: np.ndarray, cell: int) -> Float[np.ndarray, "h2 w2"]:
+    """Averaged over six pixels, at half the size; then the largest in a cell to the right and below."""
     h, w = excess.shape[:2]
     halves = strongest(cv2.resize(excess, (w // 2, h // 2), interpolation=cv2.INTER_AREA))
-    mean = cv2.boxFilter(halves, cv2.CV_32F, (3, 3))
     half = cell // 2
-    # each value stands for the cell to its right and below
-    return _whole(cv2.dilate(mean, np.ones((half, half), np.uint8), anchor=(0, 0))[::half, ::half], (h, w), cell)
+    return cv2.dilate(cv2.boxFilter(halves, cv2.CV_32F, (3, 3)), np.ones((half, half), np.uint8), anchor=(0, 0))
 
 
-def outside(pose: Float[np.ndarray, " 3"], size: tuple[int, int], cell: int) -> Bool[np.ndarray, "rows cols"]:
-    """Cells of the reference picture that the frame does not wholly show."""
+def _picked(means: Float[np.ndarray, "h2 w2"], shape: tuple[int, ...], cell: int) -> Float[np.ndarray, "rows cols"]:
+    """One value a cell."""
+    half = cell // 2
+    return _whole(means[::half, ::half], shape, cell)
+
+
+def cells_shown(pose: Float[np.ndarray, " 3"], size: tuple[int, int], cell: int) -> Box:
+    """Rows and columns of the cells of the reference picture that the frame wholly shows."""
     w, h = size
-    rows, cols = -(-h // cell), -(-w // cell)
-    tx, ty, turn = float(pose[0]), float(pose[1]), abs(float(pose[2]))
+    tx, ty, turn = pose.tolist()
+    turn = abs(turn)
     # rotations are small: the edge that turns in decides for its whole length
     skew_x, skew_y = turn * h / 2 + _RIM, turn * w / 2 + _RIM
     left, right = (skew_x - tx) / cell, (w - 1 - skew_x - tx) / cell
     top, bottom = (skew_y - ty) / cell, (h - 1 - skew_y - ty) / cell
-    hidden = np.ones((rows, cols), bool)
     # what lies just outside of the reference picture may stray in: its own rim says nothing
     rim = -(-_STRAY // cell)
-    shown_rows = slice(max(rim, int(np.ceil(top))), max(0, min(h // cell - rim, int(np.floor(bottom)))))
-    shown_cols = slice(max(rim, int(np.ceil(left))), max(0, min(w // cell - rim, int(np.floor(right)))))
-    hidden[shown_rows, shown_cols] = False
-    return hidden
+    return (
+        slice(max(rim, ceil(top)), max(0, min(h // cell - rim, floor(bottom)))),
+        slice(max(rim, ceil(left)), max(0, min(w // cell - rim, floor(right)))),
+    )

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.excess import BRIGHT, DARK, MARGIN, Excess, band, strongest
+from models.excess import BRIGHT, DARK, Excess, band, strongest
+from models.patches import Patches
 from models.tolerance import levels
 from tests.models.parts import FEW, MANY
 
 KINDS = ("grey", "colour", "deep")
-WHOLE = slice(None), slice(None)
 GROUND = 100
 
 
@@ -41,7 +41,7 @@ def whole(reference: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 def left(reference: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Bright and dark, edges that stray forgiven everywhere."""
-    return np.stack([asked(reference, seen).forgiven(polarity, WHOLE) for polarity in (BRIGHT, DARK)])
+    return np.stack([asked(reference, seen).forgiven(polarity) for polarity in (BRIGHT, DARK)])
 
 
 @given(seed=st.integers(0, 999), dx=st.integers(-2, 2), dy=st.integers(-2, 2))
@@ -119,7 +119,7 @@ def test_what_is_missing_is_what_the_pictures_swapped_would_add_and_weighs_less_
 ):
     reference, seen = (blobs(seed).astype(np.float32) for seed in (one, other))
     asked_so, swapped = asked(reference, seen), asked(seen, reference)
-    missing, added = np.stack(asked_so.missing), np.stack(swapped.added[::-1])
+    missing, added = asked_so.planes[2:], swapped.planes[1::-1]
     share = missing.max() / added.max()
     assert 0.5 < share < 1
     np.testing.assert_allclose(missing, share * added, rtol=1e-5)
@@ -204,19 +204,22 @@ def test_sixteen_bits_say_the_same_as_eight_within_rounding(seed: int):
     np.testing.assert_allclose(left(reference, seen), deep, atol=1)
 
 
-@given(seed=st.integers(0, 999), x=st.integers(0, 60), y=st.integers(0, 60), side=st.integers(8, 40))
+@given(seed=st.integers(0, 999), cells=st.integers(1, 2**31))
 @MANY
-def test_a_box_is_forgiven_as_the_whole_picture_is_but_for_its_margin(seed: int, x: int, y: int, side: int):
-    reference = blobs(seed)
+def test_some_cells_are_forgiven_as_the_whole_picture_is(seed: int, cells: int):
+    reference = np.hstack([np.vstack([blobs(seed), blobs(seed + 1)]), np.vstack([blobs(seed + 2), blobs(seed + 3)])])
     seen = cv2.dilate(np.roll(reference, 3, axis=1), np.ones((2, 2), np.uint8))
     seen[20:26, 50:58] = 255
     asked_so = asked(reference, seen)
-    inner = slice(y, y + side), slice(x, x + side)
-    box = tuple(slice(max(0, each.start - MARGIN), each.stop + MARGIN) for each in inner)
+    strong = np.zeros((45, 45), bool)
+    strong.flat[np.random.default_rng(cells).integers(0, strong.size, 3)] = True
+    patches = Patches.about(strong.view(np.uint8), 4, seen.shape)
+    rim = np.zeros((45, 45), bool)
+    rim[2:-2, 2:-2] = True
     for polarity in (BRIGHT, DARK):
-        grown = np.zeros_like(reference)
-        grown[box] = asked_so.forgiven(polarity, box)
-        np.testing.assert_array_equal(grown[inner], asked_so.forgiven(polarity, WHOLE)[inner])
+        every, some = asked_so.forgiven(polarity), asked_so.forgiven(polarity, patches)
+        cells = patches.put(some[::2, ::2].astype(np.float32), np.zeros((45, 45), np.float32), 4)
+        np.testing.assert_array_equal(cells[strong & rim], every[::4, ::4][strong & rim])
 
 
 @pytest.mark.parametrize("kind", KINDS)

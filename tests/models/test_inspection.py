@@ -308,3 +308,21 @@ def test_three_residuals_tell_a_bad_part_a_bumped_fixture_and_a_quick_robot_apar
     assert usual(bad, "appearance") > 3 * max(usual(bumped, "appearance"), usual(quick, "appearance"))
     assert usual(bumped, "position") > max(usual(bad, "position"), usual(quick, "position"))
     assert usual(quick, "timing") > 3 * max(usual(bad, "timing"), usual(bumped, "timing"))
+
+
+def test_what_was_said_of_every_frame_is_kept_in_order_however_many_there_are():
+    part = surface()
+    frames = [replace(each, sequence=i, t_ns=i * 40_000_000) for i, each in enumerate([swept(part, [20.0])[0]] * 280)]
+    state = begin(golden())
+    said = list[ScoredFrame]()
+    middle = None
+    for each in frames:
+        state, scored = step(state, each)
+        said.append(scored)
+        middle = state if len(said) == 200 else middle
+    assert state.frames == tuple(said)
+    assert (state.count, [each.index for each in state.frames]) == (280, list(range(280)))
+    # an earlier state goes on as if nothing had come after it
+    assert middle is not None
+    assert middle.frames == tuple(said[:200])
+    assert step(middle, frames[200])[1] == said[200]
