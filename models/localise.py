@@ -19,6 +19,8 @@ _SCAN = np.arange(-2.0, 2.01, 0.25)
 _SURE = 0.4
 """Standard deviation of the place, in reference frames, up to which registration needs no help."""
 _ASK_EVERY = 2.5
+_BEGINS = (0.0, 4.0)
+"""Places where a sweep is tried to begin, whatever the eigenspace says."""
 _APART, _CERTAIN, _INSISTS = 2.0, 4.0, 3
 """The eigenspace insists when it stands so many places apart, by such a margin, so many times."""
 _SINKS, _RISES = 0.2, 0.15
@@ -285,7 +287,9 @@ def _anywhere(scene: _Scene, best: Standing) -> Attempt:
     A part that differs from the golden one agrees less than is asked for otherwise: it will do where the place is
     unmistakable.
     """
-    attempts = [_search(scene, Fixture.unknown(at, best.pace)) for at in (best.at, *best.others)]
+    # most sweeps begin where the golden one did, whatever looks like it elsewhere
+    ats = (best.at, *best.others, *(_BEGINS if scene.trail.residual is None else ()))
+    attempts = [_search(scene, Fixture.unknown(at, best.pace)) for at in ats]
     chosen = min(attempts, key=lambda attempt: (not attempt.fits, attempt.doubt))
     if chosen.fits or chosen.agreement < scene.guide.asked[chosen.reference]:
         return chosen

@@ -59,3 +59,13 @@ def test_more_is_asked_where_rivals_agree_and_less_where_good_parts_reached_less
     assert np.all((wrong < alone) & (alone < ones))
     reached = np.array([0.55, 0.72, 0.6])
     assert np.all((wrong <= asked(wrong, reached)) & (asked(wrong, reached) < alone))
+
+
+@pytest.mark.parametrize("view", [AGAIN, View(dx=-3, dy=2, turn=0.006, seed=3)])
+def test_a_sweep_begins_where_the_golden_one_did_though_it_looks_the_same_elsewhere(view: View):
+    # the last thirty places show again what the first thirty do
+    part = np.tile(surface()[:, :120], (1, 4))
+    _, frames = inspected(learn([swept(part)]), swept(part, view=view))
+    scored = [each for each in frames if each.s is not None]
+    assert len(scored) >= 0.95 * FRAMES
+    assert max(abs((each.s or 0) * (FRAMES - 1) - each.index) for each in scored) < 2
