@@ -27,7 +27,7 @@ from models.registration import Grid
 from models.turning import Turn
 
 MAGIC = b"sweep-appearance"
-VERSION = 2
+VERSION = 3
 _HASH = 32
 _HUGE = 1e9
 
@@ -62,9 +62,13 @@ class Appearance:
     """Where registration looks: a pixel in each cell of a grid over each reference picture."""
     pictures: tuple[bytes, ...]
     """The reference pictures of the key places, JPEG or PNG."""
-    excess: tuple[bytes, ...]
-    """What further golden sweeps showed beyond the band, PNG per key place; empty where nothing."""
-    limits: Limits
+    tolerance: tuple[bytes, ...]
+    """What further golden sweeps showed beyond the assumed limits, cell by cell, PNG per key place; empty where
+    nothing."""
+    limits: tuple[Limits, ...]
+    """What is assumed of good parts, per scale: the fine one, and the coarse one where there are sweeps to tell."""
+    peaks: tuple[float, ...]
+    """What each golden sweep reached against the others, in units of that; none with a single sweep."""
     noise: float
     """Standard deviation of a coordinate of z at a known place, from the sensor alone."""
     interval_ns: int
@@ -83,14 +87,6 @@ class Appearance:
         return self.manifold.axes[0]
 
     @property
-    def peaks(self) -> tuple[float, ...]:
-        """What each golden sweep reached against the others, as far as it was kept; none with a single sweep."""
-        if self.limits.good_peak is None:
-            return ()
-        # what few of the last sweeps reached says nothing of the others
-        return (min(self.limits.good_peak, self.limits.factor / 1.25),) * 2
-
-    @property
     def size(self) -> tuple[int, int]:
         """(width, height) of the pictures learnt from, in pixels."""
         return self.references.size
@@ -98,7 +94,7 @@ class Appearance:
     @cached_property
     def references(self) -> References:
         """The reference pictures, ready for registration and comparison."""
-        return References(self.pictures, self.points, self.excess, self.keys)
+        return References(self.pictures, self.points, self.limits, self.tolerance, self.keys)
 
     @cached_property
     def track(self) -> Track:
@@ -136,14 +132,15 @@ class Appearance:
             "keys": self.keys,
             "points": self.points,
             **_joined("pictures", self.pictures),
-            **_joined("excess", self.excess),
+            **_joined("tolerance", self.tolerance),
         }
         header = {
             "preparation": self.preparation.to_header(),
             "manifold": self.manifold.to_header(),
-            "limits": asdict(self.limits),
             "shifts": self.shifts,
             "spare": self.spare,
+            "limits": [asdict(limits) for limits in self.limits],
+            "peaks": self.peaks,
             "noise": self.noise,
             "interval_ns": self.interval_ns,
             "facts": dict(self.facts),
@@ -170,8 +167,9 @@ class Appearance:
                 arrays["keys"],
                 arrays["points"],
                 _parted("pictures", arrays),
-                _parted("excess", arrays),
-                Limits(**header["limits"]),
+                _parted("tolerance", arrays),
+                tuple(Limits(**limits) for limits in header["limits"]),
+                tuple(float(peak) for peak in header["peaks"]),
                 float(header["noise"]),
                 int(header["interval_ns"]),
                 header["facts"],
@@ -204,8 +202,12 @@ class Appearance:
                 raise AppearanceError(f"the appearance's {name} holds what is no number, or none of its kind")
         if self.preparation.picture != self.size:
             raise AppearanceError(f"prepared are pictures of {self.preparation.picture}, kept are some of {self.size}")
-        if len(self.excess) != m:
-            raise AppearanceError(f"the appearance holds {len(self.excess)} tolerances, allowed is one a picture: {m}")
+        if len(self.tolerance) != m:
+            raise AppearanceError(
+                f"the appearance holds {len(self.tolerance)} tolerances, allowed is one a picture: {m}"
+            )
+        if len(self.limits) not in (1, 2):
+            raise AppearanceError(f"the appearance holds limits of {len(self.limits)} scales, allowed are one or two")
         if self.keys[0] < 0 or self.keys[-1] >= n or (np.diff(self.keys) < 1).any():
             raise AppearanceError(f"the appearance's keys are {self.keys}, allowed are increasing places below {n}")
         w, h = self.references.template_size
@@ -213,15 +215,20 @@ class Appearance:
             raise AppearanceError(f"the appearance's points lie outside of the cells of its {w}x{h} templates")
         if np.abs(self.motion).max() > max(w, h):
             raise AppearanceError(f"the appearance's motion leaves its {w}x{h} templates from one place to the next")
-        numbers = {**asdict(self.limits), "noise": self.noise, "spare": self.spare}
-        for name, value in numbers.items():
-            if (name, value) != ("good_peak", None) and not 0 <= value < _HUGE:
-                raise AppearanceError(f"the appearance's {name} is {value}, allowed are numbers from 0 to {_HUGE}")
-        if not (self.noise and self.limits.floor and self.limits.factor):
-            raise AppearanceError(f"the appearance tolerates nothing: {self.limits}, noise {self.noise}")
+        self._check_numbers()
         if self.facts != {name: str(fact) for name, fact in self.facts.items()}:
             raise AppearanceError(f"the appearance's facts are {self.facts}, allowed is text")
         return self
+
+    def _check_numbers(self) -> None:
+        numbers = {"noise": self.noise, "spare": self.spare, **{f"peak {i}": peak for i, peak in enumerate(self.peaks)}}
+        for i, limits in enumerate(self.limits):
+            numbers |= {f"{name} of scale {i}": value for name, value in asdict(limits).items()}
+        for name, value in numbers.items():
+            if not 0 <= value < _HUGE:
+                raise AppearanceError(f"the appearance's {name} is {value}, allowed are numbers from 0 to {_HUGE}")
+        if not self.noise or not all(limits.floor and limits.weight for limits in self.limits):
+            raise AppearanceError(f"the appearance tolerates nothing: {self.limits}, noise {self.noise}")
 
 
 def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -4,6 +4,7 @@ InspectionError                  root of everything this project raises on purpo
 ├── NumericError                 what `models` raises
 │   ├── PictureError             a picture that cannot be used: size, type, content
 │   ├── LearningError            golden sweeps that cannot be learnt from
+│   │   └── SweepsDiffer         golden sweeps some of which must be wrong
 │   ├── AppearanceError          a learnt file that cannot be trusted
 │   └── PolicyError              a threshold outside of what it may be
 └── WorldError                   what `inspector` raises (inspector/errors.py)
@@ -24,6 +25,10 @@ class PictureError(NumericError):
 
 class LearningError(NumericError):
     """Golden sweeps that nothing can be learnt from."""
+
+
+class SweepsDiffer(LearningError):
+    """Golden sweeps that differ by so much that some must be wrong, and nobody can tell which."""
 
 
 class AppearanceError(NumericError):

@@ -83,10 +83,10 @@ class Excess:
         """`about` is the reference's band."""
         planes = np.empty((4, *seen.shape), seen.dtype)
         dark, bright = band(seen)
-        _less(seen, about[1], planes[0])
-        _less(about[0], seen, planes[1])
-        _share(_less(dark, reference, planes[2]), _FAINT, planes[2])
-        _share(_less(reference, bright, planes[3]), _FAINT, planes[3])
+        less(seen, about[1], planes[0])
+        less(about[0], seen, planes[1])
+        _share(less(dark, reference, planes[2]), _FAINT, planes[2])
+        _share(less(reference, bright, planes[3]), _FAINT, planes[3])
         return cls(reference, seen, planes)
 
     def whole(self, polarity: int) -> np.ndarray:
@@ -112,7 +112,8 @@ class Excess:
         return left if patches else left[:, GAP:-GAP]
 
 
-def _less(one: np.ndarray, other: np.ndarray, into: np.ndarray | None = None) -> np.ndarray:
+def less(one: np.ndarray, other: np.ndarray, into: np.ndarray | None = None) -> np.ndarray:
+    """The difference, never negative; made in `into`, if given."""
     left = cv2.subtract(one, other, dst=into)
     return left if left.dtype == np.uint8 else np.maximum(left, 0, out=into)
 
@@ -141,9 +142,9 @@ def _forgiven(reference: np.ndarray, seen: np.ndarray, planes: np.ndarray, polar
     """
     (dark, bright), (around_dark, around_bright) = _about(reference, far), _about(seen, far)
     if polarity == BRIGHT:
-        beyond = np.concatenate([_less(seen, bright), _less(around_dark, reference)], axis=1)
+        beyond = np.concatenate([less(seen, bright), less(around_dark, reference)], axis=1)
     else:
-        beyond = np.concatenate([_less(dark, seen), _less(reference, around_bright)], axis=1)
+        beyond = np.concatenate([less(dark, seen), less(reference, around_bright)], axis=1)
     varies, does = cv2.subtract(bright, dark), cv2.subtract(around_bright, around_dark)
     lines = cv2.morphologyEx(planes, cv2.MORPH_OPEN, _LINES[0])
     for line in _LINES[1:]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
+from jaxtyping import Bool, Float
 
 from models.errors import LearningError, PictureError
 from models.frame import Frame
@@ -33,8 +34,8 @@ _STILLS, _EARLY = 2000, 12
 """Frames that stood still are kept up to here, as long as it is not known, by so many motions, that pictures move."""
 _STEADY = 0.02
 """How much of its pace a steady camera gains or loses from frame to frame."""
-_EVEN, _KEEPS_PACE, _WINDOW = 0.04, 0.08, 11
-"""The pace of a steady camera: median deviation from frame to frame, and the largest over any so many frames."""
+_CORNER = 0.9
+"""Cosine between the motions before and after a frame: below, the way turns there, and a frame cuts the corner."""
 _UNEVEN = 0.25
 """Median deviation of the travel per frame, as a share of it, up to which travel measures the way."""
 
@@ -237,8 +238,7 @@ def coordinates(golden: GoldenSweep) -> np.ndarray:
     """Sweep coordinate of each place: the share of the way, or of the time where the way cannot be told.
 
     Frames of a steady camera lie evenly in both, but the way does not mind an uneven pace. What moves in the picture
-    measures the way only where it moves by about as much from frame to frame; else s is the share of frames. Where the
-    camera kept its pace all along, its frames measure the way better than the picture, which cuts corners.
+    measures the way only where it moves by about as much from frame to frame; else s is the share of frames.
     """
     frames = np.array(golden.frames, float)
     frames = (frames - frames[0]) / (frames[-1] - frames[0])
@@ -248,19 +248,19 @@ def coordinates(golden: GoldenSweep) -> np.ndarray:
     uneven = float(np.median(np.abs(way / steps - usual)))
     if usual <= 0 or uneven > _UNEVEN * usual:
         return frames
-    if uneven < _EVEN * usual and _keeps_pace(way / steps / usual):
-        return np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    # where texture is poor, the usual pace knows better than the picture
+    # where texture is poor, and where the picture cuts a corner of the way, the usual pace knows better
     trust = 1 / (1 + np.square(np.array(golden.unsure) / (_STEADY * usual)))
+    trust[_turns(np.array(golden.motion))] = 0.0
     way = usual * steps + trust * (way - usual * steps)
     return np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
 
 
-def _keeps_pace(pace: np.ndarray) -> bool:
-    """Whether the travel per frame, as a share of the usual one, is even over every stretch of frames."""
-    if len(pace) < _WINDOW:
-        return False
-    return bool(np.abs(np.convolve(pace, np.full(_WINDOW, 1 / _WINDOW), "valid") - 1.0).max() <= _KEEPS_PACE)
+def _turns(motion: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+    """Which motions lie between two that point elsewhere."""
+    ends = np.vstack([motion[:1], motion, motion[-1:]])
+    before, after = ends[:-2], ends[2:]
+    lengths = np.hypot(*before.T) * np.hypot(*after.T)
+    return np.einsum("ni,ni->n", before, after) < _CORNER * lengths
 
 
 def _keep(frame: Frame) -> bytes:

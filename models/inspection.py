@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from math import hypot
 
@@ -14,7 +14,7 @@ from models.appearance import Appearance
 from models.errors import PictureError
 from models.frame import Frame
 from models.judging import judge
-from models.limits import Limits, promise
+from models.limits import promise
 from models.registration import WIDE, affine, full_pose
 from models.scoring import Look, Memory, look, regions, remember
 from models.tolerance import aligned, levels
@@ -41,8 +41,8 @@ class Inspection:
 
     appearance: Appearance
     policy: Policy
-    limits: Limits
-    """For the false-reject target and the sensitivity of the policy."""
+    factor: float
+    """Of the limits, for the false-reject target and the sensitivity of the policy."""
     memory: Memory
     earlier: tuple[tuple[ScoredFrame, ...], ...] = ()
     """All frames scored but the last few, so many at a time: one more frame costs no more after ten thousand."""
@@ -80,7 +80,7 @@ def begin(appearance: Appearance, policy: Policy | None = None) -> Inspection:
     """Before the first frame of a part."""
     policy = policy or Policy()
     factor = promise(appearance.peaks, policy.false_rejects).factor / policy.sensitivity
-    return Inspection(appearance, policy, replace(appearance.limits, factor=factor), remember(appearance))
+    return Inspection(appearance, policy, factor, remember(appearance))
 
 
 def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]:
@@ -92,7 +92,7 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
             f"frame {frame.sequence} is {frame.kind}, the appearance was learnt from {kind}; "
             "nothing else can be compared"
         )
-    memory, shown = look(appearance, inspection.limits, inspection.memory, frame)
+    memory, shown = look(appearance, inspection.factor, inspection.memory, frame)
     scored = _scored(inspection, frame, memory, shown)
     last = inspection.last_sequence
     dropped = inspection.dropped + (max(0, frame.sequence - last - 1) if last is not None else 0)
@@ -101,7 +101,7 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
         earlier, latest = (*earlier, latest), ()
     last_scored = scored.index if scored.state is FrameState.SCORED else inspection.last_scored
     now = Inspection(
-        appearance, inspection.policy, inspection.limits, memory, earlier, latest, last_scored, dropped, frame.sequence
+        appearance, inspection.policy, inspection.factor, memory, earlier, latest, last_scored, dropped, frame.sequence
     )
     return now, scored
 

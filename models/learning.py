@@ -7,19 +7,34 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from jaxtyping import Float32
 
 from models.appearance import Appearance
 from models.eigenspace import Eigenspace, fit_eigenspace
-from models.errors import LearningError
+from models.errors import LearningError, SweepsDiffer
 from models.frame import Frame
 from models.golden import THUMB, GoldenSweep, check_alike, collect, coordinates, moves, turned
-from models.limits import Limits
+from models.limits import COARSE, FINE, Limits
 from models.manifold import Manifold
 from models.preparation import Preparation
 from models.references import unpack
 from models.registration import affine, choose_points, shrink_by, smooth
 from models.rivals import rivals
-from models.scoring import look, remember, spread_beyond
+from models.scoring import look, remember
+from models.spread import (
+    ODD,
+    Odd,
+    Shown,
+    against,
+    grown,
+    highest,
+    leave_one_out,
+    odd,
+    pack,
+    tolerated,
+    unpack_cells,
+    usual,
+)
 from models.sweep import SweepFacts
 from models.tolerance import levels
 
@@ -27,16 +42,18 @@ K = 32
 """Dimensions: enough to tell places apart; what is wrong with a part is not looked for here."""
 K_TURNS, THUMB_TURNS = 64, 40
 """The same, and pixels across the thumbnails, where the picture turns instead of moving."""
-_NEARLY_ALL = 0.98
-"""Share of its frames that a golden sweep is judged by: a glitch or two says nothing of parts."""
 _DOUBTFUL = 1.5
-"""A frame that leaves this much more unexplained than usual may be misplaced, and widens nothing."""
+"""A frame that leaves this much more unexplained than usual may be misplaced, and shows nothing."""
 _MOST = 5.0
-"""Golden sweeps that differ by more than this, in units of the limit, would make the appearance blind."""
-_MARGIN = 1.25
-"""How far above what golden sweeps reached the limit is set."""
+"""Times the assumed limits that two golden sweeps may differ by: more would make the appearance blind."""
+_SPOILT = 0.34
+"""Share of the golden sweeps that may be odd, at the most."""
+_SCALES = 3
+"""Golden sweeps from which on the coarse scale is used: what is large and differs from part to part takes some."""
 _SENSOR = 0.5
 """Noise of a thumbnail pixel in grey levels: what averaging leaves of a usual sensor's."""
+_LEFT_OUT = "left_out", "left_out_reached", "left_out_usual"
+"""Facts: golden sweeps that were left out, what they reached, and what golden sweeps usually reach."""
 _FITS = 0.5
 """Share of the places in which a further golden sweep must agree with the reference sweep."""
 
@@ -47,33 +64,127 @@ def learn(
     frames_expected: int | None = None,
     preparation: Preparation | None = None,
 ) -> Appearance:
-    """An appearance from golden sweeps; the first one is the reference, and each is read once.
+    """An appearance from golden sweeps; the first one is the reference.
 
-    `progress` is told the share done, in [0, 1], where `frames_expected` (over all sweeps) is given. Deterministic.
-    Raises LearningError where nothing can be learnt, and PictureError for a picture that does not fit the others.
+    From three sweeps on, one that is unlike the others is left out: `facts["left_out"]` tells which, counted from 0,
+    `facts["left_out_reached"]` what it reached of the assumed tolerance, and `facts["left_out_usual"]` what the others
+    usually reach; see `left_out`.
+    Each sweep is read once, unless the reference itself is the odd one. `progress` is told the share done, in [0, 1],
+    where `frames_expected` (over all sweeps) is given. Deterministic. Raises LearningError where nothing can be
+    learnt, and PictureError for a picture that does not fit the others.
     """
     if not sweeps:
         raise LearningError("no golden sweep given; at least one is needed")
-    tick = _ticker(progress, frames_expected)
-    prepared, golden = collect(tick(sweeps[0]), preparation)
-    appearance = _of_one(golden, prepared, preparation, len(sweeps))
-    peaks: list[float] = []
-    for sweep in sweeps[1:]:
-        peak, appearance = _widen(appearance, tick(sweep))
-        peaks.append(peak)
-    if peaks:
-        # each sweep is scored against what was learnt before it: the last ones tell what is still to be expected
-        reached = float(np.median(peaks[-3:]))
-        if reached > _MOST:
-            raise LearningError(
-                f"the further golden sweeps differ from the reference sweep by {reached:.1f} times what is allowed "
-                f"(at the most {_MOST}): is one of these parts defective, or another product?"
-            )
-        limits = Limits(factor=max(1.0, _MARGIN * reached), good_peak=max(peaks))
-        appearance = replace(appearance, limits=limits)
+    appearance = _learnt(sweeps, _ticker(progress, frames_expected), preparation)
     if progress:
         progress(1.0)
     return appearance
+
+
+def absorb(
+    appearance: Appearance,
+    frames: Iterable[Frame],
+    progress: Callable[[float], None] | None = None,
+    frames_expected: int | None = None,
+) -> Appearance:
+    """A new appearance that tolerates what one more good sweep shows, at the cost of reading that sweep.
+
+    Its peak is what the sweep reaches against all those before; theirs are kept, though they would be lower now. So are
+    the scales: an appearance of fewer than three golden sweeps has the fine one only. Raises LearningError for a
+    sweep that does not fit the reference, or is unlike the golden sweeps.
+    """
+    cells = appearance.references.cells
+    shown, reached = _shown(appearance, _ticker(progress, frames_expected)(frames), "the sweep")
+    before = {key: data for key, data in zip(appearance.keys.tolist(), appearance.tolerance, strict=True) if data}
+    peak = _fused(against(before, shown, cells), appearance.limits)
+    known = np.array(appearance.peaks, np.float32)
+    # two golden sweeps say little of what is usual
+    most = ODD * float(usual(known)) if len(known) > 1 else _MOST
+    if peak > most:
+        raise LearningError(
+            f"the sweep reaches {peak:.1f} times the assumed tolerance, where golden sweeps "
+            f"{f'usually reach {np.median(known):.1f}' if len(known) > 1 else f'may reach {_MOST}'}: "
+            "is this part defective?"
+        )
+    if progress:
+        progress(1.0)
+    both = [before, {key: pack(grown(unpack_cells(data, cells))) for key, data in shown.items()}]
+    sweeps = int(appearance.facts["sweeps"]) + 1
+    return replace(
+        appearance,
+        tolerance=tuple(highest(both, key, cells) for key in appearance.keys.tolist()),
+        peaks=(*appearance.peaks, peak),
+        reached=np.minimum(appearance.reached, reached),
+        facts={**appearance.facts, "sweeps": str(sweeps), "added_to": appearance.id},
+    )
+
+
+def left_out(appearance: Appearance) -> tuple[Odd, ...]:
+    """The golden sweeps that were given and left out, counted from 0; most likely their parts are defective."""
+    told = (appearance.facts.get(name, "") for name in _LEFT_OUT)
+    listed = zip(*(each.split(", ") if each else [] for each in told), strict=True)
+    return tuple(Odd(int(sweep), float(reached), float(common)) for sweep, reached, common in listed)
+
+
+def _learnt(
+    sweeps: Sequence[Iterable[Frame]],
+    tick: Callable[[Iterable[Frame]], Iterator[Frame]],
+    preparation: Preparation | None,
+    left: tuple[Odd, ...] = (),
+) -> Appearance:
+    """`left` are the sweeps that were left out already, all before these."""
+    before, given = len(left), len(left) + len(sweeps)
+    prepared, golden = collect(tick(sweeps[0]), preparation)
+    appearance = _of_one(golden, prepared, preparation, len(sweeps))
+    cells = appearance.references.cells
+    each = [_shown(appearance, tick(sweep), f"golden sweep {i}") for i, sweep in enumerate(sweeps[1:], before + 2)]
+    shown = [maps for maps, _ in each]
+    kept = np.ones(len(sweeps), bool)
+    peaks = leave_one_out(shown, cells)
+    while (worst := odd(peaks, kept)) is not None and kept.sum() - 1 >= given * (1 - _SPOILT):
+        left = (*left, replace(worst, sweep=before + worst.sweep))
+        if worst.sweep == 0:
+            return _learnt(sweeps[1:], tick, preparation, left)
+        kept[worst.sweep] = False
+        some = [maps for maps, keep in zip(shown, kept[1:], strict=True) if keep]
+        peaks[kept] = leave_one_out(some, cells)
+    some = [maps for maps, keep in zip(shown, kept[1:], strict=True) if keep]
+    if len(some) == 1 and (differ := float(peaks[kept][1].max())) > _MOST:
+        raise SweepsDiffer(
+            f"two golden sweeps differ by {differ:.1f} times what is assumed of good parts (at the most {_MOST}): "
+            "is one of the parts defective, or another product? A third sweep would tell which"
+        )
+    limits = _weighted(appearance.limits, peaks[kept])
+    reached = [appearance.reached, *(lowest for (_, lowest), keep in zip(each, kept[1:], strict=True) if keep)]
+    return replace(
+        appearance,
+        tolerance=tuple(tolerated(some, key, cells) for key in appearance.keys.tolist()),
+        limits=limits,
+        peaks=tuple(_fused(each, limits) for each in peaks[kept][1:]),
+        reached=np.min(reached, axis=0),
+        facts={**appearance.facts, "sweeps": str(len(some) + 1), **_told(left)},
+    )
+
+
+def _told(left: tuple[Odd, ...]) -> dict[str, str]:
+    """What is kept of sweeps that were left out."""
+    said = [(str(odd.sweep), f"{odd.reached:.2f}", f"{odd.usual:.2f}") for odd in sorted(left, key=lambda o: o.sweep)]
+    return dict(zip(_LEFT_OUT, map(", ".join, zip(*said, strict=True)), strict=True)) if left else {}
+
+
+def _weighted(limits: tuple[Limits, ...], peaks: Float32[np.ndarray, "sweeps scales"]) -> tuple[Limits, ...]:
+    """Scales at which golden sweeps usually go beyond what is assumed weigh less than the scale of which this is least
+    so: individuals of assembled products differ in detail more than at large."""
+    if len(peaks) < 2:
+        return limits
+    usual = np.maximum(np.median(peaks[1:], axis=0), 1.0)
+    weights = usual / usual.min()
+    return tuple(replace(each, weight=float(weight)) for each, weight in zip(limits, weights, strict=True))
+
+
+def _fused(peaks: Float32[np.ndarray, " scales"], limits: tuple[Limits, ...]) -> float:
+    """The highest of what a sweep reached at each scale, in units of their limits."""
+    return max(float(peak) / each.weight for peak, each in zip(peaks, limits, strict=True))
 
 
 def _for_turns(golden: GoldenSweep, preparation: Preparation) -> Preparation:
@@ -111,7 +222,8 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, wanted: Preparation |
         np.stack(golden.points),
         tuple(golden.pictures[key] for key in golden.keys),
         (b"",) * len(golden.keys),
-        Limits(),
+        (FINE, COARSE) if sweeps >= _SCALES else (FINE,),
+        (),
         _noise(golden, preparation),
         facts.interval_ns,
         {"sweeps": str(sweeps), "frames": str(facts.frames), "numpy": np.__version__, "opencv": cv2.__version__},
@@ -181,35 +293,32 @@ def _varied(picture: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float
         yield pair[0], pair[1], 0.1
 
 
-def _widen(appearance: Appearance, frames: Iterable[Frame]) -> tuple[float, Appearance]:
-    """Add what a further golden sweep shows beyond the band; and how high its frames scored before that."""
-    excess = dict(zip(appearance.keys.tolist(), appearance.excess, strict=True))
+def _shown(appearance: Appearance, frames: Iterable[Frame], name: str) -> tuple[Shown, Float32[np.ndarray, " n"]]:
+    """What a further golden sweep shows at each key place: scores in units of the assumed limits, the highest.
+
+    And the lowest agreement with the reference picture that it reached at each place, 1 where it was not seen. Neither
+    depends on what other sweeps showed.
+    """
+    plain = tuple(replace(limits, weight=1.0) for limits in appearance.limits)
+    appearance = replace(appearance, limits=plain, reached=np.ones_like(appearance.reached))
+    found: dict[int, np.ndarray] = {}
     kind = appearance.references.kind
-    memory, scores, reached = remember(appearance), list[float](), appearance.reached.copy()
+    memory, scored, reached = remember(appearance), 0, np.ones(appearance.places, np.float32)
     for frame in frames:
-        check_alike(kind, frame, "a further golden sweep")
+        check_alike(kind, frame, name)
         usual = memory.trail.residual
-        memory, shown = look(appearance, appearance.limits, memory, frame)
-        if shown is None or shown.score is None:
+        memory, seen = look(appearance, 1.0, memory, frame)
+        if seen is None or seen.agreed is None:
             continue
-        scores.append(shown.peak)
-        located = shown.located
-        reached[located.reference] = min(reached[located.reference], max(located.agreement, 0.0))
-        if usual is not None and located.registered.residual > _DOUBTFUL * usual:
+        scored += 1
+        key = seen.located.reference
+        reached[key] = min(reached[key], max(seen.located.agreement, 0.0))
+        if usual is not None and seen.located.registered.residual > _DOUBTFUL * usual:
             continue
-        for place, picture in spread_beyond(appearance, levels(frame.pixels), shown).items():
-            excess[place] = _merged(excess[place], picture)
-    if len(scores) < _FITS * appearance.places:
+        found[key] = np.maximum(found[key], seen.agreed) if key in found else seen.agreed
+    if scored < _FITS * appearance.places:
         raise LearningError(
-            f"a further golden sweep fits the reference sweep in {len(scores)} of {appearance.places} places; "
+            f"{name} fits the reference sweep in {scored} of {appearance.places} places; "
             "is it the same product, swept the same way?"
         )
-    return float(np.quantile(scores, _NEARLY_ALL)), replace(
-        appearance, reached=reached, excess=tuple(excess[key] for key in appearance.keys.tolist())
-    )
-
-
-def _merged(old: bytes, picture: np.ndarray) -> bytes:
-    if old:
-        picture = np.maximum(picture, unpack(old))
-    return cv2.imencode(".png", picture)[1].tobytes()
+    return {key: pack(agreed) for key, agreed in found.items()}, reached

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from models.errors import PolicyError
 from models.verdict import ALLOWED
 
-USUAL = 0.609
+USUAL = 0.655
 """Assumed: the peak of a usual good sweep; of the loud products, to be on the safe side."""
 PRODUCTS = 0.08
 """Assumed: how much that differs from product to product. Scale of a Student distribution of its logarithm."""
@@ -42,28 +42,29 @@ _BEYOND = np.array([math.erfc(z / math.sqrt(2)) / 2 for z in _Z])
 
 @dataclass(frozen=True)
 class Limits:
-    """What evidence (mean excess over a box of six pixels, in grey levels) is at the threshold.
+    """What is assumed of the evidence (mean excess over a box, in grey levels) of good parts at one scale.
 
     One golden sweep shows neither how much edges stray from part to part nor how the lamp wanders: it is assumed that
-    good parts stay below `floor` on flat ground and below `share` of the local contrast beside edges. More golden
-    sweeps raise that by `factor` where they themselves went beyond it.
+    good parts stay below `floor` on flat ground and below `share` of the local contrast beside edges. What golden
+    sweeps show beyond that is tolerated where they show it, and moves the limit by the factor of a `Promise`.
 
-    >>> Limits().threshold(np.array([[0.0, 100.0]]))
+    >>> Limits(6.5, 0.16).threshold(np.array([[0.0, 100.0]]))
     array([[ 6.5, 22.5]])
     """
 
-    floor: float = 6.5
+    floor: float
     """Grey levels."""
-    share: float = 0.16
+    share: float
     """Of the local contrast."""
-    factor: float = 1.0
-    """From golden sweeps beyond the first: what they reached, with a margin, never below 1."""
-    good_peak: float | None = None
-    """Highest score of a golden sweep against what was learnt before it; None with a single one."""
+    weight: float = 1.0
+    """Times that, where golden sweeps come nearer to the limits of this scale than to those of the other."""
 
     def threshold(self, contrast: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-        """Evidence that scores 1.0, per cell, in grey levels."""
-        return self.factor * (self.floor + self.share * contrast)
+        """Evidence that scores 1.0 where golden sweeps showed none, per cell, in grey levels."""
+        return self.weight * (self.floor + self.share * contrast)
+
+
+FINE, COARSE = Limits(6.5, 0.16), Limits(6.5, 0.05)
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Promise:
     factor: float
     """Times the assumed tolerance: where the limit lies."""
     sweeps: int
-    """Golden sweeps that it rests on."""
+    """Golden sweeps that it rests on, the reference among them."""
     expected: float
     """False rejects to be expected, by what was assumed and what the golden sweeps reached."""
     low: float
@@ -92,9 +93,9 @@ class Promise:
     def sentence(self) -> str:
         """In plain words.
 
-        >>> print(promise((), 0.01).sentence())
-        one golden sweep: limit at 1.00 of the assumed tolerance; 1 % false rejects expected, 0 % to 4.4 % (90 %), \
-resting on the stated assumptions; 99 golden sweeps would promise 1 % without them
+        >>> print(promise((), 0.02).sentence())
+        one golden sweep: limit at 1.00 of the assumed tolerance; 2 % false rejects expected, 0 % to 8.7 % (90 %), \
+resting on the stated assumptions; 49 golden sweeps would promise 2 % without them
         """
         sweeps = f"{self.sweeps} golden sweeps" if self.sweeps > 1 else "one golden sweep"
         said = (
@@ -113,8 +114,7 @@ def promise(peaks: Sequence[float], target: float) -> Promise:
     """Where the limit must lie so that `target` of the good sweeps are refused, and how sure that is.
 
     `peaks` are the highest scores of the golden sweeps that were learnt from, each against what the *other* ones show,
-    at factor 1: one for each sweep, none where there is but one sweep. Scores go with 1 / factor, so
-    `replace(limits, factor=promise(peaks, policy.false_rejects).factor / policy.sensitivity)` is what to score with.
+    at factor 1: one for each sweep after the reference, none where there is but that one. Scores go with 1 / factor.
     Raises PolicyError for a target out of range.
 
     The logarithm of a product's peaks is taken as normal. Its middle and spread are known from the assumptions above
@@ -124,7 +124,7 @@ def promise(peaks: Sequence[float], target: float) -> Promise:
 
     >>> loud = promise((1.7, 2.1, 2.4, 1.9, 2.0), 0.01)
     >>> round(loud.factor, 1), loud.needed
-    (3.0, 99)
+    (2.9, 99)
     >>> promise((), 0.05).factor < promise((), 0.01).factor
     True
     """
@@ -149,7 +149,7 @@ def _promised(peaks: tuple[float, ...], target: float) -> Promise:
     beyond = sum(peak >= factor for peak in peaks)
     needed = math.ceil(1 / target - 1 - 1e-9)
     expected = float(weight @ rate)
-    return Promise(target, factor, max(len(peaks), 1), expected, low, high, (1 + beyond) / (1 + len(peaks)), needed)
+    return Promise(target, factor, len(peaks) + 1, expected, low, high, (1 + beyond) / (1 + len(peaks)), needed)
 
 
 def _believed(peaks: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -30,19 +30,19 @@ class Sight:
     place: float
     grid: Float[np.ndarray, " 2"]
     """Displacement of the reference picture that the score is laid on."""
-    score: Float[np.ndarray, "rows cols 2"]
-    """Grown by one cell."""
+    score: Float[np.ndarray, "rows cols c"]
+    """Bright and dark of each scale, grown by one cell."""
     shown: Cells
     """Where anything was seen."""
 
 
 def persist(
     sights: tuple[Sight, ...],
-    score: Float[np.ndarray, "rows cols 2"],
+    score: Float[np.ndarray, "rows cols c"],
     shown: Cells,
     sight: tuple[float, Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]],
     cell: int,
-) -> tuple[tuple[Sight, ...], Float[np.ndarray, "rows cols 2"]]:
+) -> tuple[tuple[Sight, ...], Float[np.ndarray, "rows cols c"]]:
     """The last places with this one added, newest last, and the score that all of them agree on.
 
     `sight` is the place, the displacement of the frame, and the displacement of the reference picture that `score`
@@ -65,11 +65,11 @@ def persist(
         x, y = ((grid - other.grid) / cell).tolist()
         _agree(agreed, count, shown, other, (round(y), round(x)))
     few = cv2.LUT(count, _FEW)
-    return (*others, newest), cv2.multiply(agreed, cv2.merge([few, few]))
+    return (*others, newest), agreed * few[:, :, None]
 
 
 def _agree(
-    agreed: Float[np.ndarray, "rows cols 2"],
+    agreed: Float[np.ndarray, "rows cols c"],
     count: UInt8[np.ndarray, "rows cols"],
     shown: Cells,
     other: Sight,

@@ -7,12 +7,14 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from jaxtyping import Int, UInt, UInt8
+from jaxtyping import Float, Float32, Int, UInt
 
 from models.errors import AppearanceError
 from models.frame import kind_of
+from models.limits import Limits
 from models.registration import Template, smooth
-from models.tolerance import Band, cell_size, levels
+from models.spread import unpack_cells
+from models.tolerance import Band, Coarse, cell_size, levels
 
 _HELD_BYTES = 192 * 2**20
 _DEPTHS = np.dtype(np.uint8), np.dtype(np.uint16)
@@ -27,6 +29,12 @@ class Reference:
     template: Template
     band: Band
     """What this place may look like."""
+    coarse: Coarse | None
+    """The same at a coarser scale, where golden sweeps have told what to expect of that."""
+    thresholds: tuple[Float[np.ndarray, "rows cols"], ...]
+    """Evidence at the assumed limit, per scale, in grey levels."""
+    allowed: Float32[np.ndarray, "rows cols c"] | None
+    """How far the limits lie above the assumed ones by what golden sweeps showed, bright and dark of each scale."""
     cell: int
 
 
@@ -51,19 +59,22 @@ class References:
         self,
         pictures: tuple[bytes, ...],
         points: UInt[np.ndarray, "m p"],
-        excess: tuple[bytes, ...],
+        limits: tuple[Limits, ...],
+        tolerance: tuple[bytes, ...],
         keys: Int[np.ndarray, " m"] | None = None,
     ) -> None:
-        """`keys` are the places of the pictures; without them they are counted from 0."""
-        self._pictures, self._points, self._excess = pictures, points, excess
+        """`limits` are those of each scale; `keys` the places of the pictures, without them counted from 0."""
+        self._pictures, self._points, self._limits, self._tolerance = pictures, points, limits, tolerance
         self._index = {int(place): i for i, place in enumerate(range(len(pictures)) if keys is None else keys)}
         first = unpack(pictures[0])
         self.size = (first.shape[1], first.shape[0])
         self.template_size = smooth(levels(first)).shape[::-1]
-        self.kind, self.shape = kind_of(first), first.shape
+        self.kind = kind_of(first)
         self.cell = cell_size(self.size)
-        # the picture and both ends of its band, and what golden sweeps showed beyond it
-        each = levels(first).nbytes * (3 + 2 * any(excess)) + self._points.shape[1] * 48
+        self.cells = (-(-first.shape[0] // self.cell), -(-first.shape[1] // self.cell), 2 * len(limits))
+        # the picture and both ends of its band; the points; the coarse band and maps of cells
+        each = levels(first).nbytes * (3 + (len(limits) - 1) // 2) + self._points.shape[1] * 48
+        each += 4 * self.cells[0] * self.cells[1] * (3 + self.cells[2])
         self.get = lru_cache(maxsize=max(4, _HELD_BYTES // each))(self._get)
 
     def _get(self, place: int) -> Reference:
@@ -74,20 +85,20 @@ class References:
                 f"the reference picture of place {place} is {kind_of(kept)}, the first one is {self.kind}"
             )
         picture = levels(kept)
-        excess = self.excess(place) if self._excess[index] else None
         try:
             template = Template.of(smooth(picture), self._points[index])
         except np.linalg.LinAlgError as error:
             raise AppearanceError(f"the points of place {place} cannot tell shift from light") from error
-        return Reference(picture, template, Band.of(picture, excess, self.cell), self.cell)
+        band = Band.of(picture, self.cell)
+        coarse = Coarse.of(picture) if len(self._limits) > 1 else None
+        thresholds = tuple(limits.threshold(band.contrast) for limits in self._limits)
+        return Reference(picture, template, band, coarse, thresholds, self._allowed(place), self.cell)
 
-    def excess(self, place: int) -> UInt8[np.ndarray, "2 h w *c"]:
-        """What golden sweeps showed beyond the band of a place, bright and dark, in grey levels."""
-        index = self._index[place]
-        if not self._excess[index]:
-            return np.zeros((2, *self.shape), np.uint8)
-        kept = unpack(self._excess[index])
-        h, *rest = self.shape
-        if kept.shape != (2 * h, *rest) or kept.dtype != np.uint8:
-            raise AppearanceError(f"the tolerance of place {place} is {kind_of(kept)}, its picture is {self.kind}")
-        return kept.reshape(2, *self.shape)
+    def _allowed(self, place: int) -> Float32[np.ndarray, "rows cols c"] | None:
+        data = self._tolerance[self._index[place]]
+        if not data:
+            return None
+        try:
+            return 1 + unpack_cells(data, self.cells)
+        except ValueError as error:
+            raise AppearanceError(f"the tolerance of place {place} cannot be read: {error}") from error

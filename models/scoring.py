@@ -6,19 +6,17 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float
 
 from models.appearance import Appearance
 from models.frame import Frame
-from models.limits import Limits
 from models.localise import Located, Trail, begin, locate, locate_by_look
 from models.persistence import Sight, persist
+from models.references import Reference
 from models.registration import affine, full_pose, shrink_by, smooth
-from models.tolerance import BRIGHT, aligned, beyond, cells_shown, evidence, levels
+from models.tolerance import BRIGHT, Box, aligned, cells_shown, coarse_evidence, evidence, levels
 from models.verdict import Region
 
-_WIDENS = 0.5
-"""Scores of golden sweeps from here on widen the band."""
 _BLIND_SPREAD = 2.0
 """A picture that varies by less than this (standard deviation, grey levels) shows nothing."""
 
@@ -39,10 +37,13 @@ class Look:
     located: Located
     z_distance: float
     """Distance of z from the curve where the frame was placed: about 1 on a good part."""
+    agreed: Float[np.ndarray, "rows cols c"] | None
+    """Evidence over the limits that the last places agree on: bright and dark of each scale."""
     score: Float[np.ndarray, "rows cols 2"] | None
-    """Evidence over threshold that the last places agree on; None where the frame could not be compared."""
+    """The same over the factor and over what is tolerated there, the highest of the scales; None where the frame
+    could not be compared."""
     peak: float
-    """The largest score agreed on."""
+    """The largest score."""
     raw: float
     """The evidence there, in grey levels."""
 
@@ -57,8 +58,8 @@ def is_blind(picture: np.ndarray) -> bool:
     return max(cv2.meanStdDev(picture)[1].ravel().tolist()) < _BLIND_SPREAD
 
 
-def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -> tuple[Memory, Look | None]:
-    """Score one frame; None where the picture shows nothing."""
+def look(appearance: Appearance, factor: float, memory: Memory, frame: Frame) -> tuple[Memory, Look | None]:
+    """Score one frame, `factor` being that of the limits; None where the picture shows nothing."""
     picture = levels(frame.pixels)
     elapsed = _elapsed(appearance, memory, frame)
     smoothed = smooth(picture)
@@ -76,21 +77,35 @@ def look(appearance: Appearance, limits: Limits, memory: Memory, frame: Frame) -
         trail, located = locate_by_look(guide, memory.trail, smoothed, away, elapsed)
     distance = appearance.track.misfit(round(located.at), z.astype(float))
     if not located.verified:
-        return Memory(trail, memory.sights, frame.t_ns), Look(located, distance, None, 0.0, 0.0)
+        return Memory(trail, memory.sights, frame.t_ns), Look(located, distance, None, None, 0.0, 0.0)
     reference = references.get(located.reference)
-    threshold = limits.threshold(reference.band.contrast)
     pose = full_pose(located.registered.pose, appearance.size)
     laid = aligned(picture, pose, located.registered.light)
     box = cells_shown(pose, appearance.size, reference.cell)
-    found = evidence(reference.band, laid, reference.cell, threshold, box)
-    score = cv2.divide(found, cv2.merge([threshold, threshold]))
+    found = _compared(reference, laid, box, factor)
     by = shrink_by(appearance.size)
     grid, point = by * appearance.path.at(located.reference), by * appearance.path.at(located.at)
-    sights, score = persist(memory.sights, score, box, (located.at, point, grid), reference.cell)
+    sights, agreed = persist(memory.sights, found, box, (located.at, point, grid), reference.cell)
+    score = agreed * np.float32(1 / factor) if reference.allowed is None else agreed / (factor * reference.allowed)
     most = int(score.argmax())
+    at, channel = divmod(most, agreed.shape[2])
+    raw = float(agreed.ravel()[most]) * float(reference.thresholds[channel // 2].ravel()[at])
     peak = float(score.ravel()[most])
-    shown = Look(located, distance, score, peak, peak * float(threshold.ravel()[most // 2]))
-    return Memory(trail, sights, frame.t_ns), shown
+    return Memory(trail, sights, frame.t_ns), Look(located, distance, agreed, _highest(score), peak, raw)
+
+
+def _compared(reference: Reference, laid: np.ndarray, box: Box, factor: float) -> Float[np.ndarray, "rows cols c"]:
+    """Evidence over the limits, bright and dark of each scale."""
+    fine, *coarse = reference.thresholds
+    found = cv2.divide(evidence(reference.band, laid, reference.cell, factor * fine, box), cv2.merge([fine, fine]))
+    if reference.coarse is None:
+        return found
+    wide = coarse_evidence(reference.coarse, laid, reference.cell, box)
+    return np.concatenate([found, cv2.divide(wide, cv2.merge([coarse[0], coarse[0]]))], axis=2)
+
+
+def _highest(score: Float[np.ndarray, "rows cols c"]) -> Float[np.ndarray, "rows cols 2"]:
+    return score if score.shape[2] == 2 else np.maximum(score[:, :, :2], score[:, :, 2:])
 
 
 def regions(appearance: Appearance, shown: Look) -> tuple[Region, ...]:
@@ -122,37 +137,3 @@ def _elapsed(appearance: Appearance, memory: Memory, frame: Frame) -> float:
     if memory.t_ns is None or appearance.interval_ns <= 0:
         return 1.0
     return min(max((frame.t_ns - memory.t_ns) / appearance.interval_ns, 0.05), 12.0)
-
-
-def spread_beyond(appearance: Appearance, picture: np.ndarray, shown: Look) -> dict[int, np.ndarray]:
-    """What a good picture shows beyond the band, for the key places about it: uint8 (2 h, w[, 3]), bright above dark.
-
-    Only what persists counts: noise and misregistration widen nothing.
-    """
-    located = shown.located
-    reference = appearance.references.get(located.reference)
-    if shown.score is None or shown.peak < _WIDENS:
-        return {}
-    h, w = picture.shape[:2]
-    laid = aligned(picture, full_pose(located.registered.pose, (w, h)), located.registered.light)
-    already = appearance.references.excess(located.reference)
-    parts: list[np.ndarray] = []
-    for polarity, excess in enumerate(beyond(reference.band, laid)):
-        mask = _pixels(shown.score[:, :, polarity] >= _WIDENS, reference.cell, (h, w))
-        more = np.clip(np.ceil(excess * (mask if excess.ndim == 2 else mask[:, :, None])), 0, 255).astype(np.uint8)
-        # what is beyond the band is beyond what widened it already, too
-        parts.append(np.where(more > 0, cv2.add(more, already[polarity]), np.uint8(0)))
-    found: dict[int, np.ndarray] = {}
-    key = int(np.searchsorted(appearance.keys, located.reference))
-    for place in (int(place) for place in appearance.keys[max(0, key - 1) : key + 2]):
-        dx, dy = shrink_by(appearance.size) * appearance.path.between(located.reference, place)
-        m = np.array([[1, 0, dx], [0, 1, dy]])
-        found[place] = np.vstack([cv2.warpAffine(part, m, (w, h), flags=cv2.INTER_NEAREST) for part in parts])
-    return found
-
-
-def _pixels(cells: Bool[np.ndarray, "rows cols"], cell: int, shape: tuple[int, int]) -> UInt8[np.ndarray, "h w"]:
-    """The pixels of some cells and of those about them."""
-    grown = cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8))
-    size = (cells.shape[1] * cell, cells.shape[0] * cell)
-    return cv2.resize(grown, size, interpolation=cv2.INTER_NEAREST)[: shape[0], : shape[1]]

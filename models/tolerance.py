@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from models.excess import BRIGHT, DARK, Excess, strongest
+from models.excess import BRIGHT, DARK, Excess, less, strongest
 from models.excess import band as ends
 from models.patches import Patches
-from models.registration import affine
+from models.registration import affine, shrink_by
 
 Box = tuple[slice, slice]
 EVERYWHERE: Box = slice(None), slice(None)
@@ -22,6 +22,8 @@ _MATTERS = 0.5
 _RIM = 4
 _STRAY = 4
 """Pixels at a reference picture's rim that something from beyond it may stray into."""
+_SMALLER, _WIDE, _WIDE_BOX = 2, np.ones((7, 7), np.uint8), (13, 13)
+"""The coarse band looks at half of registration's pixels, three of them either way, averaged over a box of so many."""
 _EVEN = 0.004
 """Shading too slight to be worth a multiplication: less than half a grey level."""
 
@@ -45,21 +47,39 @@ class Band:
     high: np.ndarray
     contrast: Float[np.ndarray, "rows cols"]
     """Per cell: how much the reference picture varies about it. Edges that stray are as strong as this."""
-    more: list[np.ndarray] | None
-    """What golden sweeps showed beyond that, bright and dark; None where nothing."""
 
     @classmethod
-    def of(cls, reference: np.ndarray, excess: np.ndarray | None, cell: int) -> Band:
-        """Around a reference picture in grey levels; `excess` (2, ...) is what golden sweeps showed beyond it."""
+    def of(cls, reference: np.ndarray, cell: int) -> Band:
+        """Around a reference picture in grey levels."""
         low, high = ends(reference)
         # low and high reach over some pixels: one of them a cell says nearly all
         middle = slice(cell // 2, None, cell)
-        spread = cv2.subtract(high[middle, middle], low[middle, middle])
-        contrast = cv2.blur(
-            cv2.dilate(_whole(strongest(spread).astype(np.float32), reference.shape, cell), _GROW), (3, 3)
-        )
-        more = None if excess is None else [cv2.dilate(part, _GROW).astype(reference.dtype) for part in excess]
-        return cls(reference, low, high, contrast, more)
+        spread = strongest(cv2.subtract(high[middle, middle], low[middle, middle])).astype(np.float32)
+        contrast = cv2.blur(cv2.dilate(_whole(spread, reference.shape, cell), _GROW), (3, 3))
+        return cls(reference, low, high, contrast)
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """A wide band over a picture made smaller: what is large and amiss where edges stray too far for the narrow one.
+
+    Individuals of an assembled product differ by more than etching and wear: leads are bent, parts stand askew.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, reference: np.ndarray) -> Coarse:
+        """Around a reference picture in grey levels."""
+        small = _smaller(reference)
+        return cls(cv2.erode(small, _WIDE), cv2.dilate(small, _WIDE))
+
+
+def _smaller(picture: np.ndarray) -> np.ndarray:
+    h, w = picture.shape[:2]
+    by = _SMALLER * shrink_by((w, h))
+    return cv2.resize(picture, (max(1, round(w / by)), max(1, round(h / by))), interpolation=cv2.INTER_AREA)
 
 
 def _whole(cells: np.ndarray, shape: tuple[int, ...], cell: int) -> np.ndarray:
@@ -96,20 +116,6 @@ def _scaled(picture: np.ndarray, by: float, plus: float) -> np.ndarray:
     return cv2.LUT(picture, table)
 
 
-def beyond(band: Band, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far each pixel is too bright, and too dark, edges that stray forgiven: grey levels, never negative."""
-    excess = Excess.of(band.reference, (band.low, band.high), seen)
-    return _within(band, excess.forgiven(BRIGHT), BRIGHT), _within(band, excess.forgiven(DARK), DARK)
-
-
-def _within(band: Band, excess: np.ndarray, polarity: int, patches: Patches | None = None) -> np.ndarray:
-    """What is left of an excess when what golden sweeps showed is allowed."""
-    if band.more is None:
-        return excess
-    more = band.more[polarity]
-    return np.maximum(cv2.subtract(excess, patches.cut(more) if patches else more), 0)
-
-
 def evidence(
     band: Band, seen: np.ndarray, cell: int, threshold: Float[np.ndarray, "rows cols"], box: Box = EVERYWHERE
 ) -> Float[np.ndarray, "rows cols 2"]:
@@ -120,20 +126,40 @@ def evidence(
     excess = Excess.of(band.reference, (band.low, band.high), seen)
     enough = np.full_like(threshold, np.inf)
     enough[box] = _MATTERS * threshold[box]
-    return cv2.merge([_evidence(band, excess, polarity, cell, enough) for polarity in (BRIGHT, DARK)])
+    return cv2.merge([_evidence(excess, polarity, cell, enough) for polarity in (BRIGHT, DARK)])
 
 
 def _evidence(
-    band: Band, excess: Excess, polarity: int, cell: int, enough: Float[np.ndarray, "rows cols"]
+    excess: Excess, polarity: int, cell: int, enough: Float[np.ndarray, "rows cols"]
 ) -> Float[np.ndarray, "rows cols"]:
     shape = excess.seen.shape
-    cells = _picked(_means(_within(band, excess.whole(polarity), polarity), cell), shape, cell)
+    cells = _picked(_means(excess.whole(polarity), cell), shape, cell)
     strong = cv2.compare(cells, enough, cv2.CMP_GE)
     if not cv2.countNonZero(strong):
         return cells
     patches = Patches.about(cv2.dilate(strong, _GROW), cell, shape)
-    means = _means(_within(band, excess.forgiven(polarity, patches), polarity, patches), cell)
+    means = _means(excess.forgiven(polarity, patches), cell)
     return patches.put(means, cells, cell) if patches else _picked(means, shape, cell)
+
+
+def coarse_evidence(coarse: Coarse, seen: np.ndarray, cell: int, box: Box) -> Float[np.ndarray, "rows cols 2"]:
+    """Mean excess over a wide box of the smaller picture, per cell, bright and dark apart, in grey levels.
+
+    None where the wide box would reach out of `box`, the cells that are shown.
+    """
+    small = _smaller(seen)
+    h, w = seen.shape[:2]
+    rows, cols = -(-h // cell), -(-w // cell)
+    reach = _SMALLER * shrink_by((w, h)) * (_WIDE_BOX[0] // 2) // cell
+    within = (
+        slice(box[0].start + reach, max(0, box[0].stop - reach)),
+        slice(box[1].start + reach, max(0, box[1].stop - reach)),
+    )
+    found = np.zeros((rows, cols, 2), np.float32)
+    for polarity, excess in enumerate((less(small, coarse.high), less(coarse.low, small))):
+        mean = cv2.boxFilter(strongest(excess), cv2.CV_32F, _WIDE_BOX)
+        found[..., polarity][within] = cv2.resize(mean, (cols, rows), interpolation=cv2.INTER_AREA)[within]
+    return found
 
 
 def _means(excess: np.ndarray, cell: int) -> Float[np.ndarray, "h2 w2"]:

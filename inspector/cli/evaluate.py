@@ -28,7 +28,7 @@ def evaluate(
     false_rejects: Annotated[
         float | None,
         typer.Option(
-            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.01."
+            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.02."
         ),
     ] = None,
     baseline: Annotated[

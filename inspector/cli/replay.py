@@ -36,7 +36,7 @@ def replay(
     false_rejects: Annotated[
         float | None,
         typer.Option(
-            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.01."
+            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.02."
         ),
     ] = None,
     topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from models import limits
 from models.errors import PolicyError
-from models.limits import Limits, promise
-from models.verdict import ALLOWED
+from models.limits import FINE, Limits, promise
+from models.verdict import ALLOWED, Policy
 from tests.models.parts import FEW, MANY
 
 CONTRASTS = st.lists(st.floats(0, 255), min_size=2, max_size=9).map(np.array)
@@ -30,21 +30,21 @@ def test_the_threshold_is_linear_in_the_contrast(contrast: np.ndarray, floor: fl
 @given(contrast=CONTRASTS)
 @MANY
 def test_the_usual_threshold_is_positive_and_grows_with_the_contrast(contrast: np.ndarray):
-    found = Limits().threshold(np.sort(contrast))
+    found = FINE.threshold(np.sort(contrast))
     assert np.all(found > 0)
     assert np.all(np.diff(found) >= 0)
 
 
 def test_one_golden_sweep_at_the_usual_target_leaves_the_assumed_limits_as_they_are():
-    found = promise((), 0.01)
+    found = promise((), Policy.false_rejects)
     assert found.factor == pytest.approx(1.0, abs=0.005)
-    assert found.expected == pytest.approx(0.01, rel=1e-3)
+    assert found.expected == pytest.approx(Policy.false_rejects, rel=1e-3)
     assert (found.sweeps, found.unassumed) == (1, 1.0)
 
 
 @pytest.mark.parametrize("peaks", [(0.06, 0.07), (0.5, 0.45), (0.7, 0.7), (0.3, 0.6)])
 def test_two_usual_golden_sweeps_hardly_move_the_limit(peaks: tuple[float, ...]):
-    assert 0.89 < promise(peaks, 0.01).factor < 1.06
+    assert 0.88 < promise(peaks, Policy.false_rejects).factor < 1.06
 
 
 @given(peaks=PEAKS, targets=st.tuples(TARGETS, TARGETS))
@@ -169,9 +169,9 @@ def test_what_is_borne_out_without_assumptions_counts_the_peaks_beyond_the_limit
 
 
 def test_the_sentence_says_what_it_rests_on():
-    assert promise((0.6, 0.7), 0.01).sentence() == (
-        "2 golden sweeps: limit at 0.94 of the assumed tolerance; 1 % false rejects expected, 0 % to 4.9 % (90 %), "
-        "resting on the stated assumptions; 99 golden sweeps would promise 1 % without them"
+    assert promise((0.6, 0.7), 0.02).sentence() == (
+        "3 golden sweeps: limit at 0.92 of the assumed tolerance; 2 % false rejects expected, 0 % to 8.7 % (90 %), "
+        "resting on the stated assumptions; 49 golden sweeps would promise 2 % without them"
     )
     assert promise((0.6,) * 20, 0.05).sentence().endswith("; at most 4.8 % without any assumption")
 

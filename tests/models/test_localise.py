@@ -33,7 +33,7 @@ def followed(frames: Sequence[Frame]) -> list[Located]:
     appearance, found = golden(), list[Located]()
     memory = remember(appearance)
     for each in frames:
-        memory, shown_ = look(appearance, appearance.limits, memory, each)
+        memory, shown_ = look(appearance, 1.0, memory, each)
         assert shown_ is not None
         found.append(shown_.located)
     return found

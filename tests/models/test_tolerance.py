@@ -1,12 +1,13 @@
 """Tolerance: nothing inside the band, closed forms beyond it, and cells that the frame does not show."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from models.registration import affine
-from models.tolerance import BRIGHT, DARK, Band, aligned, beyond, cell_size, cells_shown, evidence, levels
+from models.tolerance import BRIGHT, DARK, Band, Coarse, aligned, cell_size, coarse_evidence, evidence, levels, outside
 from tests.models.parts import FEW, MANY, View, pose_of, shot, surface
 
 CELL = 4
@@ -21,8 +22,8 @@ def picture(kind: str = "grey", level: int = 100, size: tuple[int, int] = (80, 6
     return levels(pixels if kind != "colour" else np.stack([pixels, pixels, pixels], axis=2))
 
 
-def band(reference: np.ndarray, excess: np.ndarray | None = None) -> Band:
-    return Band.of(reference, excess, CELL)
+def band(reference: np.ndarray) -> Band:
+    return Band.of(reference, CELL)
 
 
 def compared(made: Band, seen: np.ndarray, threshold: float = 0.0) -> np.ndarray:
@@ -140,40 +141,68 @@ def test_a_line_of_three_pixels_is_evidence_whether_it_was_added_or_is_missing(k
     assert not missing[:, :, BRIGHT].any()
 
 
-def blobs(seed: int, sizes: tuple[int, int]) -> np.ndarray:
-    """One grey with squares of other greys on it."""
-    rng, drawn = np.random.default_rng(seed), picture()
-    for x, y, side, level in rng.integers((0, 0, sizes[0], 0), (70, 50, sizes[1], 256), (6, 4)):
-        drawn[y : y + side, x : x + side] = level
-    return drawn
+WIDE = (320, 240)
 
 
-def test_a_square_is_beyond_the_band_where_it_is_and_not_beside_it():
-    seen = picture()
-    seen[20:32, 40:52] += 30
-    np.testing.assert_array_equal(beyond(band(picture()), seen)[BRIGHT], seen - 100)
+def wide(made: np.ndarray, seen: np.ndarray, hidden: np.ndarray | None = None) -> np.ndarray:
+    """The evidence at the coarse scale; all of the picture is seen unless told otherwise."""
+    shown = np.zeros((-(-seen.shape[0] // CELL), -(-seen.shape[1] // CELL)), bool)
+    return coarse_evidence(Coarse.of(made), seen, shown if hidden is None else hidden, CELL)
 
 
-@given(seed=st.integers(0, 999))
-@MANY
-def test_bright_and_dark_are_the_distances_from_the_band(seed: int):
-    made, seen = band(picture()), blobs(seed, (4, 12))
-    bright, dark = beyond(made, seen)
-    np.testing.assert_array_equal(bright, np.maximum(seen.astype(int) - 100, 0))
-    np.testing.assert_array_equal(dark, np.maximum(100 - seen.astype(int), 0))
+@given(seed=st.integers(0, 99), width=st.integers(24, 330), height=st.integers(18, 250), colour=st.booleans())
+@FEW
+def test_the_coarse_band_holds_its_reference(seed: int, width: int, height: int, colour: bool):
+    shape = (height, width, 3) if colour else (height, width)
+    reference = np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
+    found = wide(reference, reference)
+    assert found.shape == (-(-height // CELL), -(-width // CELL), 2)
+    assert not found.any()
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_good_parts_showed_is_allowed_there_and_with_that_sign_only(kind: str):
-    reference = picture(kind)
-    excess = np.zeros((2, *reference.shape), np.uint8)
-    excess[BRIGHT, 20:32, 40:52] = 30
-    wider = band(reference, excess)
-    bright, dark, elsewhere = reference.copy(), reference.copy(), reference.copy()
-    bright[20:32, 40:52], dark[20:32, 40:52], elsewhere[40:52, 10:22] = 130, 70, 130
-    assert not compared(wider, bright).any()
-    assert compared(wider, dark).max() == pytest.approx(30, abs=0.01)
-    assert compared(wider, elsewhere).max() == pytest.approx(30, abs=0.01)
+@pytest.mark.parametrize(("polarity", "by"), [(BRIGHT, 30), (DARK, -30)])
+def test_what_fills_the_wide_box_gives_all_of_its_excess_and_with_its_sign(kind: str, polarity: int, by: int):
+    seen = picture(kind, size=WIDE)
+    seen[80:160, 120:200] = 100 + by
+    found = wide(picture(kind, size=WIDE), seen)
+    assert found[30, 40, polarity] == pytest.approx(30, abs=0.01)
+    assert not found[:, :, 1 - polarity].any()
+
+
+@given(side=st.integers(4, 12).map(lambda n: 2 * n), by=st.integers(10, 100))
+@FEW
+def test_what_is_smaller_than_the_wide_box_is_diluted_by_its_area(side: int, by: int):
+    seen = picture(size=WIDE)
+    seen[120 : 120 + side, 160 : 160 + side] += by
+    # 13 pixels at half the size
+    assert wide(picture(size=WIDE), seen).max() == pytest.approx(by * side**2 / 26**2, rel=1e-5)
+
+
+def test_an_edge_that_strayed_by_six_pixels_is_nothing_at_the_coarse_scale():
+    reference = picture(level=60, size=WIDE)
+    reference[:, 160:] = 200
+    assert not wide(reference, np.roll(reference, 6, axis=1)).any(where=np.arange(80)[None, :, None] > 6)
+
+
+def test_at_the_coarse_scale_sixteen_bits_say_the_same_as_eight():
+    rng = np.random.default_rng(1)
+    pair = [cv2.GaussianBlur(rng.uniform(0, 255, (240, 320)), (0, 0), 6) for _ in range(2)]
+    reference, seen = (np.clip(128 + 8 * (p - 128), 0, 255).astype(np.uint8) for p in pair)
+    deep = [levels(p.astype(np.uint16) * 257) for p in (reference, seen)]
+    eight, sixteen = wide(reference, seen), wide(*deep)
+    np.testing.assert_allclose(eight, sixteen, atol=0.6)
+    assert eight.max() > 10
+
+
+def test_nothing_is_said_at_the_coarse_scale_where_the_box_reaches_into_what_is_hidden():
+    seen = picture(size=WIDE) + np.uint8(30)
+    hidden = np.zeros((60, 80), bool)
+    hidden[:, :20] = True
+    found = wide(picture(size=WIDE), seen, hidden)[:, :, BRIGHT]
+    # six pixels at half the size are three cells
+    assert not found[:, :23].any()
+    assert (found[:, 23:] == 30).all()
 
 
 def test_contrast_is_nothing_on_flat_ground_and_most_of_the_step_beside_an_edge():
@@ -190,8 +219,7 @@ POSES = st.tuples(st.floats(-60, 60), st.floats(-60, 60), st.floats(-0.06, 0.06)
 @given(pose=POSES, width=st.integers(40, 170), height=st.integers(40, 130), cell=st.sampled_from((4, 8)))
 @MANY
 def test_a_cell_is_shown_only_where_all_of_it_lies_in_the_frame(pose: np.ndarray, width: int, height: int, cell: int):
-    hidden = np.ones((-(-height // cell), -(-width // cell)), bool)
-    hidden[cells_shown(pose, (width, height), cell)] = False
+    hidden = outside(pose, (width, height), cell)
     y, x = np.mgrid[:height, :width]
     u, v = np.einsum("ij,jhw->ihw", affine(pose, (width, height)), np.stack([x, y, np.ones_like(x)]))
     inside = (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
