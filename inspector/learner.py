@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from inspector.files import refuse_taken, write_new
 from inspector.recording import SweepReader, count_frames
 from models.appearance import Appearance
-from models.errors import AppearanceError, NumericError
+from models.errors import AppearanceError, NumericError, SweepsDiffer
 from models.frame import Frame
-from models.learning import learn
+from models.learning import absorb, learn, left_out
 
 
 class _Golden:
-    """A recording that says when it is being read, and each loss once."""
+    """A recording that enters itself in a list when it is begun, and tells each loss once."""
 
-    def __init__(self, path: Path, topic: str | None, tell: Callable[[str], object]) -> None:
-        self.reader = SweepReader(path, topic=topic)
-        self.open = False
-        self._tell, self._told = tell, set[str]()
+    def __init__(self, path: Path | str, topic: str | None, tell: Callable[[str], object], begun: list[Path]) -> None:
+        self.reader = SweepReader(Path(path), topic=topic)
+        self._tell, self._told, self._begun = tell, set[str](), begun
 
     def __iter__(self) -> Iterator[Frame]:
-        self.open = True
+        self._begun.append(self.reader.path)
         yield from self.reader
-        self.open = False
         for loss in self.reader.losses:
             if loss not in self._told:
                 self._told.add(loss)
@@ -37,23 +37,67 @@ def learn_recordings(
     progress: Callable[[float], None] | None = None,
     *,
     topic: str | None = None,
-    tell: Callable[[str], object] = lambda loss: None,
+    tell: Callable[[str], object] = lambda said: None,
 ) -> Appearance:
     """Learn from golden recordings, the first as reference, and write the appearance to the new file `out`.
 
-    `progress` is called with the share done, `tell` with a sentence for each thing that a recording has lost. Raises
-    RecordingError, OutputExists, NotWritten; LearningError and PictureError name the recording.
+    `progress` is called with the share done, `tell` with a sentence for each thing that a recording has lost, and for
+    each recording that was left out because it is unlike the others. Raises RecordingError, OutputExists,
+    NotWritten; LearningError and PictureError name the recording.
     """
-    out = Path(out)
+    out, begun = Path(out), list[Path]()
     refuse_taken(out)
-    goldens = [_Golden(Path(path), topic, tell) for path in paths]
-    try:
+    goldens = [_Golden(path, topic, tell, begun) for path in paths]
+    with _blamed_on(begun):
         appearance = learn(goldens, progress, _announced(goldens))
-    except NumericError as error:
-        reading = [golden for golden in goldens if golden.open] or goldens
-        raise type(error)(f"{', '.join(str(golden.reader.path) for golden in reading)}: {error}") from error
+    for odd in left_out(appearance):
+        tell(
+            f"{goldens[odd.sweep].reader.path}: left out: it reaches {odd.reached:.1f} times the assumed tolerance, "
+            f"where golden sweeps usually reach {odd.usual:.1f}; is this part defective?"
+        )
     write_new(out, appearance.to_bytes())
     return appearance
+
+
+def add_recordings(
+    paths: Sequence[Path | str],
+    to: Path | str,
+    out: Path | str,
+    progress: Callable[[float], None] | None = None,
+    *,
+    topic: str | None = None,
+    tell: Callable[[str], object] = lambda said: None,
+) -> Appearance:
+    """The appearance in the file `to` with more good sweeps absorbed, one after the other, as the new file `out`.
+
+    Costs what reading these sweeps costs. The rest is as for `learn_recordings`; a sweep that is unlike the golden
+    ones is an error. Raises AppearanceError, too.
+    """
+    out, begun = Path(out), list[Path]()
+    refuse_taken(out)
+    old = appearance = load_appearance(to)
+    goldens = [_Golden(path, topic, tell, begun) for path in paths]
+    with _blamed_on(begun):
+        for done, golden in enumerate(goldens):
+            appearance = absorb(appearance, golden, _part_of(progress, done, len(goldens)), _announced([golden]))
+    appearance = replace(appearance, facts={**appearance.facts, "added_to": old.id})
+    write_new(out, appearance.to_bytes())
+    return appearance
+
+
+def _part_of(progress: Callable[[float], None] | None, done: int, of: int) -> Callable[[float], None] | None:
+    """Progress of one of several recordings."""
+    return (lambda share: progress((done + share) / of)) if progress else None
+
+
+@contextmanager
+def _blamed_on(begun: Sequence[Path]) -> Generator[None]:
+    """What is wrong with a recording names it: the last one begun, or all where it may be any."""
+    try:
+        yield
+    except NumericError as error:
+        names = begun if isinstance(error, SweepsDiffer) else begun[-1:]
+        raise type(error)(f"{', '.join(map(str, names))}: {error}") from error
 
 
 def _announced(goldens: Sequence[_Golden]) -> int | None:

@@ -14,20 +14,33 @@ def learn(
     golden: Annotated[list[Path], typer.Argument(metavar="GOLDEN.mcap...", help="Good sweeps; the first is the map.")],
     *,
     out: Annotated[Path, typer.Option(metavar="PART.appearance", help="New file for what is learnt.")],
+    add: Annotated[
+        bool, typer.Option("--add", help="Add the sweeps to what was learnt before (--to), which stays as it is.")
+    ] = False,
+    to: Annotated[
+        Path | None, typer.Option(metavar="OLD.appearance", help="With --add: what they are added to.")
+    ] = None,
     topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where a recording has several.")] = None,
 ) -> None:
-    """Learn how a good part looks, from one golden sweep or several.
+    """Learn how a good part looks, from one golden sweep or several, or add confirmed-good ones to what was learnt.
 
     Example: inspector learn golden-1.mcap golden-2.mcap --out board.appearance
+
+    Example: inspector learn --add part-0007.mcap --to board.appearance --out board-2.appearance
     """
-    from inspector.learner import learn_recordings
+    from inspector.learner import add_recordings, learn_recordings
     from models.limits import promise
     from models.verdict import Policy
 
+    if add != (to is not None):
+        raise typer.BadParameter("--add and --to belong together; allowed is both or neither")
     with progress("learning") as share:
-        appearance = learn_recordings(golden, out, share, topic=topic, tell=warn)
+        if to is not None:
+            appearance = add_recordings(golden, to, out, share, topic=topic, tell=warn)
+        else:
+            appearance = learn_recordings(golden, out, share, topic=topic, tell=warn)
     width, height = appearance.size
-    sweeps = "one golden sweep" if len(golden) == 1 else f"{len(golden)} golden sweeps"
+    sweeps = "one golden sweep" if appearance.facts["sweeps"] == "1" else f"{appearance.facts['sweeps']} golden sweeps"
     print(f"{out}: {appearance.places} places of {width}x{height} pixels, from {sweeps}")
     print(f"  {promise(appearance.peaks, Policy.false_rejects).sentence()}")
     print(appearance.id)

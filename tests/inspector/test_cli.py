@@ -102,6 +102,21 @@ def test_learning_says_what_the_golden_sweeps_can_promise(line: Line, tmp_path: 
     )
 
 
+def test_a_good_part_is_added_to_what_was_learnt(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    new = tmp_path / "new.appearance"
+    code, out, err = told(capsys, "learn", "--add", line.good, "--to", line.file, "--out", new)
+    assert (code, err) == (0, "")
+    assert re.match(rf"{new}: \d+ places of 160x120 pixels, from 3 golden sweeps\n  3 golden sweeps: limit at", out)
+    assert out.splitlines()[-1] != line.appearance.id
+    assert told(capsys, "replay", line.spot, "--appearance", new, "--fail-on-ng")[0] == 3
+
+
+def test_a_defective_sweep_among_golden_ones_is_a_warning(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    code, out, err = told(capsys, "learn", *line.golden, line.spot, line.good, "--out", tmp_path / "a")
+    assert (code, "from 3 golden sweeps" in out, err.count("\n")) == (0, True, 1)
+    assert err.startswith(f"inspector: warning: {line.spot}: left out: it reaches ")
+
+
 def test_losses_are_warnings_and_the_results_stay_on_stdout(line: Line, tmp_path: Path, capsys: Captured) -> None:
     short = cut(line.golden[1], tmp_path / "short.mcap", 0.8)
     code, out, err = told(capsys, "learn", line.golden[0], short, "--out", tmp_path / "a")
@@ -127,6 +142,10 @@ REFUSED = {
     "a file to record": (["record", "--camera", "{url}", "--out", "{good}"], 1, "exists already"),
     "a recording": (["learn", "{tmp}/no.mcap", "--out", "{tmp}/a"], 1, "no.mcap: No such file"),
     "a file to learn": (["learn", "{good}", "--out", "{file}"], 1, "exists already"),
+    "a file to add to": (["learn", "--add", "{good}", "--to", "{tmp}/no", "--out", "{tmp}/a"], 1, "/no: No such file"),
+    "a file added to": (["learn", "--add", "{good}", "--to", "{file}", "--out", "{file}"], 1, "exists already"),
+    "nothing to add to": (["learn", "--add", "{good}", "--out", "{tmp}/a"], 2, "--add and --to belong together"),
+    "nothing to add": (["learn", "{good}", "--to", "{file}", "--out", "{tmp}/a"], 2, "--add and --to belong together"),
     "an appearance": (["replay", "{good}", "--appearance", "{good}"], 1, "good.mcap: not an appearance"),
     "a sweep": (["replay", "{file}", "--appearance", "{file}"], 1, "no MCAP"),
     "a topic": (["replay", "{good}", "--appearance", "{file}", "--topic", "/x"], 1, "allowed is /camera/image"),

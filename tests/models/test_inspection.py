@@ -252,7 +252,7 @@ def test_scores_are_in_units_of_what_the_golden_sweeps_promise_at_the_target(tar
     for peak in (0.1, 1.5):
         appearance = learnt_with(peak)
         usual, asked = (inspected(appearance, spotted(), policy)[0] for policy in (None, Policy(false_rejects=target)))
-        by = promise(appearance.peaks, 0.01).factor / promise(appearance.peaks, target).factor
+        by = promise(appearance.peaks, Policy.false_rejects).factor / promise(appearance.peaks, target).factor
         for one, two in zip(rescaled(usual.frames, by), asked.frames, strict=True):
             assert two.raw_score == pytest.approx(one.raw_score, rel=1e-4, abs=1e-6) or max(one.score, two.score) < 0.5
             assert two.score == pytest.approx(one.score, rel=1e-4, abs=1e-6) or max(one.score, two.score) < 0.5

@@ -170,7 +170,7 @@ def test_what_fills_the_wide_box_gives_all_of_its_excess_and_with_its_sign(kind:
     assert not found[:, :, 1 - polarity].any()
 
 
-@given(side=st.integers(4, 12).map(lambda n: 2 * n), by=st.integers(10, 100))
+@given(side=st.integers(2, 11).map(lambda n: 2 * n), by=st.integers(10, 100))
 @FEW
 def test_what_is_smaller_than_the_wide_box_is_diluted_by_its_area(side: int, by: int):
     seen = picture(size=WIDE)
