@@ -13,6 +13,7 @@ from models.appearance import Appearance
 from models.errors import AppearanceError, NumericError, SweepsDiffer
 from models.frame import Frame
 from models.learning import absorb, learn, left_out
+from models.spread import ODD
 
 
 class _Golden:
@@ -50,13 +51,26 @@ def learn_recordings(
     goldens = [_Golden(path, topic, tell, begun) for path in paths]
     with _blamed_on(begun):
         appearance = learn(goldens, progress, _announced(goldens))
-    for odd in left_out(appearance):
-        tell(
-            f"{goldens[odd.sweep].reader.path}: left out: it reaches {odd.reached:.1f} times the assumed tolerance, "
-            f"where golden sweeps usually reach {odd.usual:.1f}; is this part defective?"
-        )
+    for said in _doubts(appearance, [golden.reader.path for golden in goldens]):
+        tell(said)
     write_new(out, appearance.to_bytes())
     return appearance
+
+
+def _doubts(appearance: Appearance, paths: Sequence[Path]) -> Iterator[str]:
+    """What should be looked at before the appearance is trusted."""
+    left = {odd.sweep: odd for odd in left_out(appearance)}
+    for sweep, odd in left.items():
+        yield (
+            f"{paths[sweep]}: left out: it reaches {odd.reached:.1f} times the assumed tolerance, "
+            f"where golden sweeps usually reach {odd.usual:.1f}; is this part defective?"
+        )
+    used = [str(path) for sweep, path in enumerate(paths) if sweep not in left]
+    if len(used) == 2 and appearance.peaks[0] > ODD:
+        yield (
+            f"{', '.join(used)}: they differ by {appearance.peaks[0]:.1f} times the assumed tolerance, and as much is "
+            "tolerated; is one of the parts defective? A third golden sweep would tell which"
+        )
 
 
 def add_recordings(

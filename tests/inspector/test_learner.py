@@ -126,9 +126,18 @@ def test_of_recordings_that_do_not_fit_only_the_culprit_is_named(
 
 
 def test_of_two_recordings_that_differ_both_are_named(line: Line, tmp_path: Path) -> None:
-    other = recorded(tmp_path / "other.mcap", "unit=4&seed=14&defect=missing&at=0.5")
+    other = recorded(tmp_path / "other.mcap", "unit=4&seed=14&defect=extra&at=0.5&strength=3&defect_size=40")
     with pytest.raises(SweepsDiffer, match=rf"^{line.golden[0]}, {other}: two golden sweeps differ"):
         learn_recordings([line.golden[0], other], tmp_path / "a")
+
+
+def test_of_two_recordings_that_differ_by_less_both_are_learnt_and_told(line: Line, tmp_path: Path) -> None:
+    told: list[str] = []
+    (peak,) = learn_recordings([line.golden[0], line.spot], tmp_path / "a", tell=told.append).peaks
+    assert told == [
+        f"{line.golden[0]}, {line.spot}: they differ by {peak:.1f} times the assumed tolerance, and as much is "
+        "tolerated; is one of the parts defective? A third golden sweep would tell which"
+    ]
 
 
 def test_recordings_are_added_to_a_new_appearance_and_the_old_one_stays(
