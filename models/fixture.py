@@ -5,8 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from math import sqrt
+from math import hypot, sqrt
 
 import cv2
 import numpy as np
@@ -44,22 +43,15 @@ class Path:
     def _keys(self) -> list[int]:
         return list(range(len(self.motion))) if self.keys is None else [int(key) for key in self.keys]
 
-    @cached_property
-    def _borders(self) -> list[float]:
-        """Between each key place and the next: where the picture has come as near to one as to the other."""
-        return [self._border(before, after) for before, after in pairwise(self._keys)]
-
-    def _border(self, before: int, after: int) -> float:
-        off = self.points[before : after + 1]
-        nearer = np.hypot(*(off - off[-1]).T) - np.hypot(*(off - off[0]).T)
-        i = int(np.argmax(nearer <= 0))
-        if i == 0:
-            return (before + after) / 2
-        return before + i - 1 + float(nearer[i - 1] / (nearer[i - 1] - nearer[i]))
-
     def key(self, at: float) -> int:
-        """The place with a picture that is nearest to `at` by travel."""
-        return self._keys[bisect_right(self._borders, at)]
+        """The place with a picture that is nearest to `at` by travel, and where nothing moves, by number."""
+        i = bisect_right(self._keys, at)
+        if i in (0, len(self._keys)):
+            return self._keys[max(i - 1, 0)]
+        before, after = self._keys[i - 1], self._keys[i]
+        since, left = hypot(*self.way(before, at)), hypot(*self.way(at, after))
+        nearer = since < left if since != left else at - before < after - at
+        return before if nearer else after
 
     def between(self, start: float, end: float) -> Float[np.ndarray, " 2"]:
         """Displacement of the picture from one place to another, in pixels."""

@@ -357,6 +357,8 @@ def prolonged(appearance: Appearance, times: int) -> Appearance:
         motion=np.tile(appearance.motion, (times, 1)),
         keys=np.concatenate([appearance.keys + i * n for i in range(times)]),
         points=np.tile(appearance.points, (times, 1)),
+        rivals=np.tile(appearance.rivals, times),
+        reached=np.tile(appearance.reached, times),
         pictures=appearance.pictures * times,
         excess=appearance.excess * times,
     )
