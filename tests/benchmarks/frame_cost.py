@@ -360,7 +360,7 @@ def prolonged(appearance: Appearance, times: int) -> Appearance:
         rivals=np.tile(appearance.rivals, times),
         reached=np.tile(appearance.reached, times),
         pictures=appearance.pictures * times,
-        excess=appearance.excess * times,
+        tolerance=appearance.tolerance * times,
     )
 
 
