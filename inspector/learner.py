@@ -7,11 +7,16 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Bool
+
+from inspector.errors import PictureUnreadable
 from inspector.files import refuse_taken, write_new
+from inspector.pictures import decode
 from inspector.recording import SweepReader, count_frames
 from models.appearance import Appearance
-from models.errors import AppearanceError, NumericError, SweepsDiffer
-from models.frame import Frame
+from models.errors import AppearanceError, NumericError, PictureError, SweepsDiffer
+from models.frame import EncodedPicture, Frame
 from models.learning import absorb, learn, left_out
 from models.spread import ODD
 
@@ -38,19 +43,22 @@ def learn_recordings(
     progress: Callable[[float], None] | None = None,
     *,
     topic: str | None = None,
+    ignore: Path | str | None = None,
     tell: Callable[[str], object] = lambda said: None,
 ) -> Appearance:
     """Learn from golden recordings, the first as reference, and write the appearance to the new file `out`.
 
-    `progress` is called with the share done, `tell` with a sentence for each thing that a recording has lost, and for
+    `ignore` is a picture of the size of the others, white where nothing is said and black elsewhere. `progress` is
+    called with the share done, `tell` with a sentence for each thing that a recording has lost, and for
     each recording that was left out because it is unlike the others. Raises RecordingError, OutputExists,
     NotWritten; LearningError and PictureError name the recording.
     """
     out, begun = Path(out), list[Path]()
     refuse_taken(out)
+    mask = None if ignore is None else read_mask(ignore)
     goldens = [_Golden(path, topic, tell, begun) for path in paths]
     with _blamed_on(begun):
-        appearance = learn(goldens, progress, _announced(goldens))
+        appearance = learn(goldens, progress, _announced(goldens), ignore=mask)
     for said in _doubts(appearance, [golden.reader.path for golden in goldens]):
         tell(said)
     write_new(out, appearance.to_bytes())
@@ -119,6 +127,20 @@ def _announced(goldens: Sequence[_Golden]) -> int | None:
     counts = [count_frames(golden.reader.path) for golden in goldens]
     known = [count for count in counts if count is not None]
     return sum(known) if len(known) == len(counts) else None
+
+
+def read_mask(path: Path | str) -> Bool[np.ndarray, "h w"]:
+    """A don't-care mask: True where a picture is white. Raises PictureError, which names the file."""
+    try:
+        pixels = decode(EncodedPicture("", Path(path).read_bytes()))
+    except OSError as error:
+        raise PictureError(
+            f"{path}: {error.strerror or error}; allowed is a picture, white where not to look"
+        ) from error
+    except PictureUnreadable as error:
+        raise PictureError(f"{path}: {error}") from error
+    grey = pixels if pixels.ndim == 2 else pixels.min(axis=2)
+    return grey > np.iinfo(grey.dtype).max // 2
 
 
 def load_appearance(path: Path | str) -> Appearance:

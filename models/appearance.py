@@ -17,6 +17,7 @@ from safetensors.numpy import load, save
 from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
 from models.fixture import Path
+from models.ignored import Ignored
 from models.limits import Limits
 from models.localise import Guide, asked
 from models.manifold import Manifold
@@ -94,7 +95,12 @@ class Appearance:
     @cached_property
     def references(self) -> References:
         """The reference pictures, ready for registration and comparison."""
-        return References(self.pictures, self.points, self.limits, self.tolerance, self.keys)
+        return References(self.pictures, self.points, self.limits, self.tolerance, self.keys, ignored=self.ignored)
+
+    @cached_property
+    def ignored(self) -> Ignored:
+        """Pixels of every frame that say nothing."""
+        return Ignored.of(self.preparation.ignore)
 
     @cached_property
     def track(self) -> Track:

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from models.errors import LearningError, PictureError
 from models.frame import Frame
+from models.ignored import Ignored
 from models.preparation import Preparation
 from models.registration import NO_LIGHT, Prior, Registered, Template, choose_points, register, scan, smooth
 from models.scoring import is_blind
@@ -90,13 +91,17 @@ class _Key:
         return found.correlation > _SAME * self.template.agrees and bool((np.abs(found.pose - pose) < _OFF).all())
 
 
-def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Preparation, GoldenSweep]:
+def collect(
+    frames: Iterable[Frame], wanted: Preparation | None, ignore: Bool[np.ndarray, "h w"] | None = None
+) -> tuple[Preparation, GoldenSweep]:
     """Read a reference sweep once; frames that show nothing, or no new place, are left out.
 
+    `ignore` is a don't-care mask, in place of that of `wanted`.
     Raises LearningError where fewer than two places are left, PictureError where a picture does not fit the others.
     """
     kept = GoldenSweep()
     kind, preparation, points = "", Preparation(), np.zeros(0, np.uint8)
+    ignored = Ignored.of(None)
     before: tuple[Template, np.ndarray] | None = None
     key: _Key | None = None
     last, stood = np.zeros(3), 0
@@ -105,9 +110,11 @@ def collect(frames: Iterable[Frame], wanted: Preparation | None) -> tuple[Prepar
         kept.sequences.append(frame.sequence)
         if not kind:
             kind = frame.kind
-            preparation = (wanted or default_preparation(frame.size)).bind(frame.size)
+            preparation = wanted or default_preparation(frame.size)
+            preparation = (preparation if ignore is None else replace(preparation, ignore=ignore)).bind(frame.size)
+            ignored = Ignored.of(preparation.ignore)
         check_alike(kind, frame, "the reference sweep")
-        smoothed = smooth(levels(frame.pixels))
+        smoothed = smooth(ignored.filled(levels(frame.pixels)))
         if is_blind(smoothed):
             continue
         if before is not None:

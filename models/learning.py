@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Bool, Float32
 
 from models.appearance import Appearance
 from models.eigenspace import Eigenspace, fit_eigenspace
 from models.errors import LearningError, SweepsDiffer
 from models.frame import Frame
 from models.golden import THUMB, GoldenSweep, check_alike, collect, coordinates, moves, turned
+from models.ignored import Ignored
 from models.limits import COARSE, FINE, Limits
 from models.manifold import Manifold
 from models.preparation import Preparation
@@ -63,8 +64,11 @@ def learn(
     progress: Callable[[float], None] | None = None,
     frames_expected: int | None = None,
     preparation: Preparation | None = None,
+    ignore: Bool[np.ndarray, "h w"] | None = None,
 ) -> Appearance:
     """An appearance from golden sweeps; the first one is the reference.
+
+    `ignore` is a don't-care mask over the picture, True where nothing is said, in place of that of `preparation`.
 
     From three sweeps on, one that is unlike the others is left out: `facts["left_out"]` tells which, counted from 0,
     `facts["left_out_reached"]` what it reached of the assumed tolerance, and `facts["left_out_usual"]` what the others
@@ -75,7 +79,7 @@ def learn(
     """
     if not sweeps:
         raise LearningError("no golden sweep given; at least one is needed")
-    appearance = _learnt(sweeps, _ticker(progress, frames_expected), preparation)
+    appearance = _learnt(sweeps, _ticker(progress, frames_expected), preparation, ignore)
     if progress:
         progress(1.0)
     return appearance
@@ -130,11 +134,12 @@ def _learnt(
     sweeps: Sequence[Iterable[Frame]],
     tick: Callable[[Iterable[Frame]], Iterator[Frame]],
     preparation: Preparation | None,
+    ignore: Bool[np.ndarray, "h w"] | None,
     left: tuple[Odd, ...] = (),
 ) -> Appearance:
     """`left` are the sweeps that were left out already, all before these."""
     before, given = len(left), len(left) + len(sweeps)
-    prepared, golden = collect(tick(sweeps[0]), preparation)
+    prepared, golden = collect(tick(sweeps[0]), preparation, ignore)
     appearance = _of_one(golden, prepared, preparation, len(sweeps))
     cells = appearance.references.cells
     each = [_shown(appearance, tick(sweep), f"golden sweep {i}") for i, sweep in enumerate(sweeps[1:], before + 2)]
@@ -144,7 +149,7 @@ def _learnt(
     while (worst := odd(peaks, kept)) is not None and kept.sum() - 1 >= given * (1 - _SPOILT):
         left = (*left, replace(worst, sweep=before + worst.sweep))
         if worst.sweep == 0:
-            return _learnt(sweeps[1:], tick, preparation, left)
+            return _learnt(sweeps[1:], tick, preparation, ignore, left)
         kept[worst.sweep] = False
         some = [maps for maps, keep in zip(shown, kept[1:], strict=True) if keep]
         peaks[kept] = leave_one_out(some, cells)
@@ -198,13 +203,13 @@ def _for_turns(golden: GoldenSweep, preparation: Preparation) -> Preparation:
 
 def _of_one(golden: GoldenSweep, preparation: Preparation, wanted: Preparation | None, sweeps: int) -> Appearance:
     facts = SweepFacts.of_stamps(golden.times, golden.sequences)
-    width = smooth(levels(unpack(golden.pictures[0]))).shape[1]
+    ignored, width = Ignored.of(preparation.ignore), smooth(levels(unpack(golden.pictures[0]))).shape[1]
     shifts = moves(golden, width)
     if not shifts:
         preparation, golden = wanted or _for_turns(golden, preparation), turned(golden)
         for picture in map(unpack, golden.pictures):
             golden.x.append(preparation.prepare(picture))
-            golden.points.append(choose_points(smooth(levels(picture))))
+            golden.points.append(choose_points(smooth(ignored.filled(levels(picture)))))
     space = fit_eigenspace(golden.x, k=min(K if shifts else K_TURNS, len(golden.x) - 1))
     z = np.stack([space.project(x) for x in golden.x])
     n = len(golden.frames)
@@ -230,7 +235,7 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, wanted: Preparation |
     )
     if not shifts:
         return appearance
-    wrong = rivals(appearance.guide, lambda place: smooth(levels(unpack(golden.pictures[place]))))
+    wrong = rivals(appearance.guide, lambda place: smooth(ignored.filled(levels(unpack(golden.pictures[place])))))
     return replace(appearance, rivals=wrong)
 
 
@@ -266,8 +271,9 @@ def _noise(golden: GoldenSweep, preparation: Preparation) -> float:
 def _slopes(golden: GoldenSweep, preparation: Preparation, space: Eigenspace) -> np.ndarray:
     """Central differences of z over shift, rotation and shading of each reference picture: (n, 5, k)."""
     slopes = np.empty((len(golden.pictures), 5, space.k), np.float32)
+    ignored = Ignored.of(preparation.ignore)
     for i, data in enumerate(golden.pictures):
-        picture = unpack(data)
+        picture = ignored.filled(unpack(data))
         for j, (more, less, step) in enumerate(_varied(picture)):
             slopes[i, j] = space.basis @ (preparation.prepare(more) - preparation.prepare(less)) / np.float32(2 * step)
     return slopes

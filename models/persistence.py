@@ -7,7 +7,7 @@ from math import hypot
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 PLACES = 5
 """How many places must agree."""
@@ -34,6 +34,8 @@ class Sight:
     """Bright and dark of each scale, grown by one cell."""
     shown: Cells
     """Where anything was seen."""
+    unseen: Bool[np.ndarray, "rows cols"] | None
+    """Cells among them where nothing was; the score is beyond all bounds there."""
 
 
 def persist(
@@ -42,11 +44,14 @@ def persist(
     shown: Cells,
     sight: tuple[float, Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]],
     cell: int,
+    *,
+    unseen: Bool[np.ndarray, "rows cols"] | None = None,
 ) -> tuple[tuple[Sight, ...], Float[np.ndarray, "rows cols c"]]:
     """The last places with this one added, newest last, and the score that all of them agree on.
 
     `sight` is the place, the displacement of the frame, and the displacement of the reference picture that `score`
-    is laid on, which the answer is laid on, too. Only cells in `shown` are seen.
+    is laid on, which the answer is laid on, too. Only cells in `shown` are seen, and of them none in
+    `unseen`.
     """
     place, point, grid = sight
     rows, cols, _ = score.shape
@@ -54,12 +59,14 @@ def persist(
     grown = cv2.dilate(score, _GROW)
     if stays and hypot(*(sights[-1].point - point).tolist()) < _TRAVEL * cols * cell:
         others = sights[:-1]
-        newest = Sight(sights[-1].point, sights[-1].place, grid, grown, shown)
+        newest = Sight(sights[-1].point, sights[-1].place, grid, grown, shown, unseen)
     else:
         others = sights[-(PLACES - 1) :]
-        newest = Sight(point, place, grid, grown, shown)
+        newest = Sight(point, place, grid, grown, shown, unseen)
     agreed = np.zeros_like(score)
     agreed[shown] = score[shown]
+    if unseen is not None:
+        grown[unseen], agreed[unseen] = np.inf, 0
     count = np.ones((rows, cols), np.uint8)
     for other in others:
         x, y = ((grid - other.grid) / cell).tolist()
@@ -77,12 +84,12 @@ def _agree(
 ) -> None:
     """Lower `agreed` to what another place saw, its map moved by so many cells down and across; and count it."""
     here, there = list[slice](), list[slice]()
-    for mine, its, moved in zip(shown, other.shown, by, strict=True):
-        start, stop = max(mine.start, its.start + moved), min(mine.stop, its.stop + moved)
+    for mine, theirs, moved in zip(shown, other.shown, by, strict=True):
+        start, stop = max(mine.start, theirs.start + moved), min(mine.stop, theirs.stop + moved)
         if start >= stop:
             return
         here.append(slice(start, stop))
         there.append(slice(start - moved, stop - moved))
-    both = here[0], here[1]
-    count[both] += 1
-    agreed[both] = cv2.min(agreed[both], other.score[there[0], there[1]])
+    both, its = (here[0], here[1]), (there[0], there[1])
+    count[both] += 1 if other.unseen is None else ~other.unseen[its]
+    agreed[both] = cv2.min(agreed[both], other.score[its])

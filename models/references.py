@@ -11,9 +11,10 @@ from jaxtyping import Float, Float32, Int, UInt
 
 from models.errors import AppearanceError
 from models.frame import kind_of
+from models.ignored import Ignored
 from models.limits import Limits
 from models.registration import Template, smooth
-from models.spread import unpack_cells
+from models.spread import ALL, unpack_cells
 from models.tolerance import Band, Coarse, cell_size, levels
 
 _HELD_BYTES = 192 * 2**20
@@ -62,10 +63,13 @@ class References:
         limits: tuple[Limits, ...],
         tolerance: tuple[bytes, ...],
         keys: Int[np.ndarray, " m"] | None = None,
+        *,
+        ignored: Ignored | None = None,
     ) -> None:
         """`limits` are those of each scale; `keys` the places of the pictures, without them counted from 0."""
         self._pictures, self._points, self._limits, self._tolerance = pictures, points, limits, tolerance
         self._index = {int(place): i for i, place in enumerate(range(len(pictures)) if keys is None else keys)}
+        self._ignored = ignored or Ignored.of(None)
         first = unpack(pictures[0])
         self.size = (first.shape[1], first.shape[0])
         self.template_size = smooth(levels(first)).shape[::-1]
@@ -86,7 +90,7 @@ class References:
             )
         picture = levels(kept)
         try:
-            template = Template.of(smooth(picture), self._points[index])
+            template = Template.of(smooth(self._ignored.filled(picture)), self._points[index])
         except np.linalg.LinAlgError as error:
             raise AppearanceError(f"the points of place {place} cannot tell shift from light") from error
         band = Band.of(picture, self.cell)
@@ -99,6 +103,7 @@ class References:
         if not data:
             return None
         try:
-            return 1 + unpack_cells(data, self.cells)
+            shown = unpack_cells(data, self.cells)
         except ValueError as error:
             raise AppearanceError(f"the tolerance of place {place} cannot be read: {error}") from error
+        return np.where(shown < ALL, 1 + shown, np.float32(np.inf))

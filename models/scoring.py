@@ -62,7 +62,7 @@ def look(appearance: Appearance, factor: float, memory: Memory, frame: Frame) ->
     """Score one frame, `factor` being that of the limits; None where the picture shows nothing."""
     picture = levels(frame.pixels)
     elapsed = _elapsed(appearance, memory, frame)
-    smoothed = smooth(picture)
+    smoothed = smooth(appearance.ignored.filled(picture))
     if is_blind(smoothed):
         return Memory(memory.trail, memory.sights, frame.t_ns), None
     references = appearance.references
@@ -81,11 +81,12 @@ def look(appearance: Appearance, factor: float, memory: Memory, frame: Frame) ->
     reference = references.get(located.reference)
     pose = full_pose(located.registered.pose, appearance.size)
     laid = aligned(picture, pose, located.registered.light)
+    laid, unseen = appearance.ignored.laid(reference.picture, laid, pose, reference.cell)
     box = cells_shown(pose, appearance.size, reference.cell)
     found = _compared(reference, laid, box, factor)
     by = shrink_by(appearance.size)
     grid, point = by * appearance.path.at(located.reference), by * appearance.path.at(located.at)
-    sights, agreed = persist(memory.sights, found, box, (located.at, point, grid), reference.cell)
+    sights, agreed = persist(memory.sights, found, box, (located.at, point, grid), reference.cell, unseen=unseen)
     score = agreed * np.float32(1 / factor) if reference.allowed is None else agreed / (factor * reference.allowed)
     most = int(score.argmax())
     at, channel = divmod(most, agreed.shape[2])

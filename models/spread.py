@@ -13,6 +13,8 @@ Shown = Mapping[int, bytes]
 """What one golden sweep showed at each key place that it came by; made by `pack`."""
 _STEPS = 16
 """Of a map per unit of the assumed limit: eight bits reach to fifteen times of it."""
+ALL = 255 / _STEPS
+"""The most that a map can hold: where it is tolerated, everything is."""
 _GROW = np.ones((3, 3), np.uint8)
 ODD = 2.5
 """A sweep that reaches this many times what golden sweeps usually reach does not belong to them."""

@@ -20,6 +20,9 @@ def learn(
     to: Annotated[
         Path | None, typer.Option(metavar="OLD.appearance", help="With --add: what they are added to.")
     ] = None,
+    ignore: Annotated[
+        Path | None, typer.Option(metavar="MASK.png", help="A picture of that size, white where not to look.")
+    ] = None,
     topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where a recording has several.")] = None,
 ) -> None:
     """Learn how a good part looks, from one golden sweep or several, or add confirmed-good ones to what was learnt.
@@ -34,11 +37,13 @@ def learn(
 
     if add != (to is not None):
         raise typer.BadParameter("--add and --to belong together; allowed is both or neither")
+    if add and ignore is not None:
+        raise typer.BadParameter("--ignore goes not with --add; the mask of the old appearance is kept")
     with progress("learning") as share:
         if to is not None:
             appearance = add_recordings(golden, to, out, share, topic=topic, tell=warn)
         else:
-            appearance = learn_recordings(golden, out, share, topic=topic, tell=warn)
+            appearance = learn_recordings(golden, out, share, topic=topic, ignore=ignore, tell=warn)
     width, height = appearance.size
     sweeps = "one golden sweep" if appearance.facts["sweeps"] == "1" else f"{appearance.facts['sweeps']} golden sweeps"
     print(f"{out}: {appearance.places} places of {width}x{height} pixels, from {sweeps}")

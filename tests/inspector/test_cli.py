@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from inspector import cameras
@@ -18,6 +19,8 @@ from inspector.cameras import open_camera
 from inspector.cameras.base import AbstractCamera, Clock
 from inspector.cli import app, run
 from inspector.cli.demo import free_name
+from inspector.learner import load_appearance
+from inspector.pictures import encode_png
 from inspector.recording import SweepReader, count_frames
 from models.frame import Frame
 from tests.inspector.conftest import Line
@@ -102,6 +105,22 @@ def test_learning_says_what_the_golden_sweeps_can_promise(line: Line, tmp_path: 
     )
 
 
+def test_a_mask_is_read_and_kept(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    mask = np.zeros((120, 160), np.uint8)
+    mask[:30, 40:] = 255
+    (tmp_path / "mask.png").write_bytes(encode_png(mask).data)
+    code, _, err = told(capsys, "learn", line.golden[0], "--ignore", tmp_path / "mask.png", "--out", tmp_path / "a")
+    assert (code, err) == (0, "")
+    ignore = load_appearance(tmp_path / "a").preparation.ignore
+    assert ignore is not None
+    np.testing.assert_array_equal(ignore, mask > 0)
+    (tmp_path / "small.png").write_bytes(encode_png(mask[::2, ::2]).data)
+    code, out, err = told(capsys, "learn", line.golden[0], "--ignore", tmp_path / "small.png", "--out", tmp_path / "b")
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "the don't-care mask is 80x60, the picture 160x120" in err
+    assert not (tmp_path / "b").exists()
+
+
 def test_a_good_part_is_added_to_what_was_learnt(line: Line, tmp_path: Path, capsys: Captured) -> None:
     new = tmp_path / "new.appearance"
     code, out, err = told(capsys, "learn", "--add", line.good, "--to", line.file, "--out", new)
@@ -146,6 +165,13 @@ REFUSED = {
     "a file added to": (["learn", "--add", "{good}", "--to", "{file}", "--out", "{file}"], 1, "exists already"),
     "nothing to add to": (["learn", "--add", "{good}", "--out", "{tmp}/a"], 2, "--add and --to belong together"),
     "nothing to add": (["learn", "{good}", "--to", "{file}", "--out", "{tmp}/a"], 2, "--add and --to belong together"),
+    "a mask": (["learn", "{good}", "--ignore", "{tmp}/no.png", "--out", "{tmp}/a"], 1, "no.png: No such file"),
+    "no mask": (["learn", "{good}", "--ignore", "{good}", "--out", "{tmp}/a"], 1, "good.mcap: nameless picture"),
+    "a mask to add": (
+        ["learn", "--add", "{good}", "--to", "{file}", "--ignore", "{good}", "--out", "{tmp}/a"],
+        2,
+        "--ignore goes not with --add",
+    ),
     "an appearance": (["replay", "{good}", "--appearance", "{good}"], 1, "good.mcap: not an appearance"),
     "a sweep": (["replay", "{file}", "--appearance", "{file}"], 1, "no MCAP"),
     "a topic": (["replay", "{good}", "--appearance", "{file}", "--topic", "/x"], 1, "allowed is /camera/image"),

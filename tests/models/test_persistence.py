@@ -102,6 +102,23 @@ def test_hidden_cells_score_nothing_and_deny_nothing():
     assert agreed[-1].max() == pytest.approx(agreed[-1][7, 12, 0]) != 0
 
 
+def test_cells_unseen_among_those_shown_score_nothing_and_deny_nothing():
+    unseen = np.zeros((ROWS, COLS), bool)
+    unseen[:, 6:12] = True
+    sights: tuple[Sight, ...] = ()
+    agreed = np.zeros((ROWS, COLS, 2), np.float32)
+    for i in range(PLACES):
+        col = 18 - 3 * i
+        seen = spot(7, col, 0.0 if unseen[7, col] else 8.0)
+        sights, agreed = persist(sights, seen, SHOWN, (float(i), i * STEP, i * STEP), CELL, unseen=unseen)
+        assert not agreed[unseen].any()
+    # two places do not see it; where three agree, it must be stronger
+    assert col == 6
+    sights, agreed = persist(sights, spot(7, 3), SHOWN, (5.0, 5 * STEP, 5 * STEP), CELL, unseen=unseen)
+    assert agreed.max() == pytest.approx(8.0 / 1.5)
+    assert np.isfinite(agreed).all()
+
+
 @given(seed=st.integers(0, 2**31), frames=st.integers(1, 8))
 @FEW
 def test_agreement_never_exceeds_the_score_and_changes_nothing_passed_in(seed: int, frames: int):
