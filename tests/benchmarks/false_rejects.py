@@ -76,7 +76,7 @@ def highest(appearance: Appearance, frames: Iterable[Frame]) -> float | None:
     result = conclude(state)
     if result.verdict not in JUDGED:
         return None
-    return max(frame.score for frame in result.frames) * state.limits.factor
+    return max(frame.score for frame in result.frames) * state.factor
 
 
 def left_out(golden: Sequence[Iterable[Frame]]) -> tuple[float, ...]:
