@@ -16,6 +16,8 @@ from models.turning import Turn, belongs, follow, resembles, strangeness
 
 _SCAN = np.arange(-2.0, 2.01, 0.25)
 """Where along the path to look for the frame, in reference frames about the guess."""
+_ACROSS = 0.0, -2.5, 2.5, -5.0, 5.0
+"""Pixels that a part may lie off across the path, tried where nothing is known of it."""
 _SURE = 0.4
 """Standard deviation of the place, in reference frames, up to which registration needs no help."""
 _ASK_EVERY = 2.5
@@ -176,23 +178,45 @@ def compare(guide: Guide, smoothed: np.ndarray, at: float) -> Attempt:
 
 
 def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> Attempt:
-    """Scan along the path about a guess, and where the robot would have halted; attempt where it agrees best."""
+    """Scan along the path about a guess, and where the robot would have halted; attempt where it agrees best.
+
+    Across the path, too, where nothing is known of the fixture yet: a part that lies off looks like another place.
+    """
     path = scene.guide.path
     reference = path.key(guess.at)
     model = scene.guide.template(reference)
-    ats = np.append(guess.at + _SCAN, guess.at if halted is None else halted.at)
+    tries = [guess] if scene.trail.fixture is not None else _beside(guess, path)
+    ats = guess.at + _SCAN
+    poses = np.concatenate([_poses(each, ats, reference, path) for each in tries])
+    if halted is not None:
+        poses = np.concatenate([poses, _poses(halted, np.array([halted.at]), reference, path)])
+    light = scene.light(model, poses[len(_SCAN) // 2])
+    doubt = np.tile(0.04 * np.square((ats - guess.at) / max(guess.uncertainty, 0.3)), len(tries))
+    if halted is not None:
+        doubt = np.append(doubt, 0.04)
+    best = int(np.argmax(scan(model, scene.smoothed, poses, light) - np.minimum(doubt, 0.5)))
+    if best == len(tries) * len(ats) and halted is not None:
+        return _attempt(scene, halted, light)
+    chosen = tries[best // len(ats)]
+    return _attempt(scene, replace(chosen, mean=np.array([ats[best % len(ats)], *chosen.mean[1:]])), light)
+
+
+def _beside(guess: Fixture, path: Path) -> list[Fixture]:
+    """The same guess with the part lying off across the path, by a few pixels either way; itself first."""
+    x, y = (float(v) for v in path.speed(guess.at))
+    across = np.array([-y, x]) / max(float(np.hypot(x, y)), 1e-6)
+    shifts = [np.array([0.0, 0.0, *(by * across), 0.0]) for by in _ACROSS]
+    return [replace(guess, mean=guess.mean + shift) for shift in shifts]
+
+
+def _poses(guess: Fixture, ats: Float[np.ndarray, " m"], reference: int, path: Path) -> Float[np.ndarray, "m 3"]:
+    """Where the frame would lie on a reference picture, were it at those places."""
     poses = np.empty((len(ats), 3))
     x, y, turn = (float(v) for v in guess.offset)
     way = path.along(ats) - path.at(reference)
     poses[:, :2] = way + turn * np.stack([-way[:, 1], way[:, 0]], axis=1) + (x, y)
     poses[:, 2] = turn
-    light = scene.light(model, poses[len(_SCAN) // 2])
-    doubt = 0.04 * np.square((ats - guess.at) / max(guess.uncertainty, 0.3))
-    if halted is not None:
-        doubt[-1] = 0.04
-    best = int(np.argmax(scan(model, scene.smoothed, poses, light) - np.minimum(doubt, 0.5)))
-    chosen = halted if halted is not None and best == len(ats) - 1 else guess
-    return _attempt(scene, replace(chosen, mean=np.array([ats[best], *chosen.mean[1:]])), light)
+    return poses
 
 
 def _agreement(model: Template, registered: Registered) -> float:
