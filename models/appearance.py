@@ -15,6 +15,7 @@ from jaxtyping import Float, Int, UInt
 from safetensors.numpy import load, save
 
 from models.eigenspace import Eigenspace
+from models.encoder import Encoder, leads_on
 from models.errors import AppearanceError
 from models.fixture import Path
 from models.ignored import Ignored
@@ -74,6 +75,8 @@ class Appearance:
     """Standard deviation of a coordinate of z at a known place, from the sensor alone."""
     interval_ns: int
     """Nominal time from frame to frame."""
+    encoder: Float[np.ndarray, " n"] = field(default_factory=lambda: np.zeros(0))
+    """Encoder position of each place, in its own unit, never turning back; empty where the sweep carried none such."""
     facts: Mapping[str, str] = field(default_factory=dict[str, str])
     """Where it comes from: number of sweeps and frames, versions of the libraries."""
 
@@ -113,7 +116,8 @@ class Appearance:
         """What places a frame."""
         enough = asked(self.rivals.astype(float), self.reached.astype(float))
         turn = None if self.shifts else Turn(self.track.z, self.spare)
-        return Guide(self.track, self.path, lambda place: self.references.get(place).template, enough, turn)
+        encoder = Encoder(self.encoder) if len(self.encoder) else None
+        return Guide(self.track, self.path, lambda place: self.references.get(place).template, enough, turn, encoder)
 
     @cached_property
     def path(self) -> Path:
@@ -139,6 +143,7 @@ class Appearance:
             "points": self.points,
             **_joined("pictures", self.pictures),
             **_joined("tolerance", self.tolerance),
+            **({"encoder": self.encoder} if len(self.encoder) else {}),
         }
         header = {
             "preparation": self.preparation.to_header(),
@@ -178,6 +183,7 @@ class Appearance:
                 tuple(float(peak) for peak in header["peaks"]),
                 float(header["noise"]),
                 int(header["interval_ns"]),
+                arrays.get("encoder", np.zeros(0)),
                 header["facts"],
             )._checked()
         except AppearanceError:
@@ -199,6 +205,7 @@ class Appearance:
             "reached": (self.reached, (n,)),
             "keys": (self.keys, (m,)),
             "points": (self.points, (m, grid.rows * grid.cols)),
+            "encoder": (self.encoder, (n,) if len(self.encoder) else (0,)),
         }
         kinds = {"keys": "i", "points": "u"}
         for name, (array, shape) in allowed.items():
@@ -216,6 +223,8 @@ class Appearance:
             raise AppearanceError(f"the appearance holds limits of {len(self.limits)} scales, allowed are one or two")
         if self.keys[0] < 0 or self.keys[-1] >= n or (np.diff(self.keys) < 1).any():
             raise AppearanceError(f"the appearance's keys are {self.keys}, allowed are increasing places below {n}")
+        if len(self.encoder) and not leads_on(self.encoder):
+            raise AppearanceError("the appearance's encoder positions turn back or stand still, allowed is one way")
         w, h = self.references.template_size
         if min(n - 1, k) < 1 or self.points.max() >= grid.side**2:
             raise AppearanceError(f"the appearance's points lie outside of the cells of its {w}x{h} templates")

@@ -63,6 +63,8 @@ class GoldenSweep:
     """Agreement of each place with the one before it moved on, as a share of what noise allows."""
     times: list[int] = field(default_factory=list[int])
     sequences: list[int] = field(default_factory=list[int])
+    encoders: list[float | None] = field(default_factory=list[float | None])
+    """Of every frame, like the times and sequences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +110,7 @@ def collect(
     for index, frame in enumerate(frames):
         kept.times.append(frame.t_ns)
         kept.sequences.append(frame.sequence)
+        kept.encoders.append(frame.encoder)
         if not kind:
             kind = frame.kind
             preparation = wanted or default_preparation(frame.size)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float32
 
 from models.appearance import Appearance
 from models.eigenspace import Eigenspace, fit_eigenspace
+from models.encoder import positions
 from models.errors import LearningError, SweepsDiffer
 from models.frame import Frame
 from models.golden import THUMB, GoldenSweep, check_alike, collect, coordinates, moves, turned
@@ -231,6 +232,7 @@ def _of_one(golden: GoldenSweep, preparation: Preparation, wanted: Preparation |
         (),
         _noise(golden, preparation),
         facts.interval_ns,
+        positions([golden.encoders[index] for index in golden.frames]),
         {"sweeps": str(sweeps), "frames": str(facts.frames), "numpy": np.__version__, "opencv": cv2.__version__},
     )
     if not shifts:

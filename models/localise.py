@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import cv2
 import numpy as np
 from jaxtyping import Float
 
+from models.encoder import Encoder, Reading
 from models.fixture import Fixture, Path
 from models.position import Places, Standing, Track, move, standing, start, vouch
 from models.registration import NO_LIGHT, STEPS, STEPS_FAR, Prior, Registered, Template, register, scan
@@ -68,6 +70,8 @@ class Trail:
     """Nominal intervals since the eigenspace was asked."""
     strange: float | None = None
     """Where pictures do not move: how far the looks are from the curve of late."""
+    reading: Reading | None = None
+    """The encoder's last word beside a place that the picture gave."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +105,8 @@ class Guide:
     """Agreement that tells each place from others; see `asked`."""
     turn: Turn | None = None
     """What places a frame where the picture changes otherwise than by moving; None where it moves."""
+    encoder: Encoder | None = None
+    """Where the reference sweep carried positions that can be used."""
 
 
 def asked(wrong: Float[np.ndarray, " n"], good: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -149,6 +155,19 @@ class _Scene:
     guide: Guide
     smoothed: np.ndarray
     trail: Trail
+    position: float | None = None
+    """The encoder's, where it can be used."""
+
+    @property
+    def told(self) -> float | None:
+        """The place by the encoder."""
+        encoder = self.guide.encoder
+        return None if encoder is None or self.position is None else encoder.place(self.position, self.trail.reading)
+
+    def read(self, at: float) -> Reading | None:
+        """What to remember of the encoder with a frame that the picture has placed."""
+        encoder, last = self.guide.encoder, self.trail.reading
+        return last if encoder is None or self.position is None else encoder.read(self.position, at, last)
 
     def light(self, model: Template, pose: np.ndarray) -> np.ndarray:
         """The light so far; measured, before the frame is placed, where none is known."""
@@ -237,32 +256,47 @@ def _fits(model: Template, registered: Registered, agreement: float, trail: Trai
     return agreement >= min(_FITS, _AS_EVER * trail.agreement) and registered.residual <= max(2.0 * usual, usual + 1.0)
 
 
-def _rivals(old: Fixture, best: Standing) -> list[Fixture]:
-    """Where else the frame could be: not moved on, or where the eigenspace would have it."""
+def _rivals(scene: _Scene, old: Fixture, best: Standing) -> list[Fixture]:
+    """Where else the frame could be: not moved on, or where the eigenspace or the encoder would have it.
+
+    The first of equals wins: an encoder that moved as the pictures did is heard first, another one last.
+    """
     rivals = [old.halted()]
     for at in (best.at, *best.others):
         rivals.append(Fixture.unknown(at, best.pace, old.offset))
         if np.abs(old.offset[:2]).max() > 2:
             rivals.append(Fixture.unknown(at, best.pace))
+    told, reading = scene.told, scene.trail.reading
+    if told is not None:
+        heard = 0 if reading is not None and reading.honest else len(rivals)
+        rivals.insert(heard, Fixture.unknown(told, best.pace, old.offset))
     return rivals
 
 
 def locate(
-    guide: Guide, trail: Trail, smoothed: np.ndarray, z: Float[np.ndarray, " k"], elapsed: float
+    guide: Guide,
+    trail: Trail,
+    smoothed: np.ndarray,
+    z: Float[np.ndarray, " k"],
+    elapsed: float,
+    *,
+    position: float | None = None,
 ) -> tuple[Trail, Located]:
-    """Place one frame, `elapsed` nominal intervals after the one before it.
+    """Place one frame, `elapsed` nominal intervals after the one before it; `position` is the encoder's.
 
     As long as the picture agrees with the one expected, registration carries the place along and the eigenspace is
     asked every few frames whether it knows better; when it does not agree, everything else is tried: looking about,
-    a robot that halted, and the places that the eigenspace prefers. The picture decides.
+    a robot that halted, and the places that the eigenspace and the encoder prefer. The picture decides.
     """
-    old, path, scene = trail.fixture, guide.path, _Scene(guide, smoothed, trail)
+    if guide.encoder is None or position is None or not isfinite(position):
+        position = None
+    old, path, scene = trail.fixture, guide.path, _Scene(guide, smoothed, trail, position)
     expected = None if old is None else old.predict(elapsed, path)
     waited = trail.waited + elapsed
     sure = old is not None and old.uncertainty < _SURE and not trail.misses
     attempt = _attempt(scene, expected) if expected is not None and sure else None
     if attempt is not None and attempt.fits and not _worse(trail, attempt) and waited < _ASK_EVERY:
-        return _placed(trail, path, attempt, expected, replace(trail, waited=waited))
+        return _placed(scene, attempt, expected, replace(trail, waited=waited))
     places = move(guide.track, trail.places, z, waited, np.zeros(3) if old is None else old.offset)
     best = standing(places)
     if old is None or expected is None:
@@ -272,12 +306,12 @@ def locate(
     apart = abs(best.at - attempt.fixture.at) > _APART and best.margin > _CERTAIN
     rivalry = trail.rivalry + 1 if apart else 0
     if old is not None and (not attempt.fits or _worse(trail, attempt) or rivalry >= _INSISTS):
-        for rival in _rivals(old, best):
+        for rival in _rivals(scene, old, best):
             other = _better(attempt, _search(scene, rival), _leaps(trail, expected))
             attempt, rivalry = other, rivalry if other is attempt else 0
     if attempt.fits and not _worse(trail, attempt):
         places = vouch(places, attempt.fixture.at, 2.0)
-    return _placed(trail, path, attempt, expected, replace(trail, places=places, waited=0.0, rivalry=rivalry))
+    return _placed(scene, attempt, expected, replace(trail, places=places, waited=0.0, rivalry=rivalry))
 
 
 def locate_by_look(
@@ -312,9 +346,14 @@ def _anywhere(scene: _Scene, best: Standing) -> Attempt:
     unmistakable.
     """
     # most sweeps begin where the golden one did, whatever looks like it elsewhere
-    ats = (best.at, *best.others, *(_BEGINS if scene.trail.residual is None else ()))
+    ats = [best.at, *best.others, *(_BEGINS if scene.trail.residual is None else ())]
+    told, reading = scene.told, scene.trail.reading
+    if told is not None:
+        ats.append(told)
     attempts = [_search(scene, Fixture.unknown(at, best.pace)) for at in ats]
     chosen = min(attempts, key=lambda attempt: (not attempt.fits, attempt.doubt))
+    if told is not None and reading is not None and reading.honest and attempts[-1].fits:
+        chosen = _better(attempts[-1], chosen)
     if chosen.fits or chosen.agreement < scene.guide.asked[chosen.reference]:
         return chosen
     elsewhere = [a.doubt for a in attempts if abs(a.fixture.at - chosen.fixture.at) > _APART]
@@ -349,9 +388,9 @@ def _follow(usual: float, residual: float) -> float:
     return usual + (_SINKS if residual < usual else _RISES) * (residual - usual)
 
 
-def _placed(trail: Trail, path: Path, attempt: Attempt, guess: Fixture | None, asked: Trail) -> tuple[Trail, Located]:
+def _placed(scene: _Scene, attempt: Attempt, guess: Fixture | None, asked: Trail) -> tuple[Trail, Located]:
     """Carry on from an attempt, or by dead reckoning (`guess`) where it does not fit."""
-    r = attempt.registered
+    trail, path, r = scene.trail, scene.guide.path, attempt.registered
     if attempt.fits:
         usual = r.residual if trail.residual is None else _follow(trail.residual, r.residual)
         light = r.light if trail.light is None else trail.light + 0.3 * (r.light - trail.light)
@@ -359,7 +398,10 @@ def _placed(trail: Trail, path: Path, attempt: Attempt, guess: Fixture | None, a
         agreement = min(attempt.agreement, 1.0)
         if trail.residual is not None:
             agreement = trail.agreement + _RISES * (agreement - trail.agreement)
-        carried = replace(asked, fixture=fixture, light=light, residual=usual, agreement=agreement, misses=0)
+        reading = scene.read(fixture.at)
+        carried = replace(
+            asked, fixture=fixture, light=light, residual=usual, agreement=agreement, misses=0, reading=reading
+        )
     else:
         misses = trail.misses + 1
         fixture = None if misses > _GIVE_UP else guess

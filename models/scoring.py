@@ -71,7 +71,7 @@ def look(appearance: Appearance, factor: float, memory: Memory, frame: Frame) ->
     z = space.project(x)
     guide = appearance.guide
     if guide.turn is None:
-        trail, located = locate(guide, memory.trail, smoothed, z, elapsed)
+        trail, located = locate(guide, memory.trail, smoothed, z, elapsed, position=frame.encoder)
     else:
         away = guide.turn.away(z.astype(float), space.distance(x, z) ** 2)
         trail, located = locate_by_look(guide, memory.trail, smoothed, away, elapsed)
