@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,6 +19,14 @@ _DIP = 4
 """Frames from one that is raised to the next, up to which they belong to the same deviation."""
 _STRAYS = 0.1
 """Share of frames without a place, above which short coverage means another part, not a sweep that ended early."""
+_UNSCORED = {
+    FrameState.WAITING: "agreed with no place",
+    FrameState.AMBIGUOUS: "looked like more than one place, or like none for certain",
+    FrameState.LOST: "agreed with no place",
+    FrameState.STRANGE: "did not look as the part does there",
+    FrameState.BLIND: "showed nothing",
+}
+"""What is said of frames that were not scored."""
 _FEW = 5
 """Shorter sweeps show nothing of a part."""
 
@@ -43,7 +52,8 @@ def judge(
     coverage = float(covered.mean()) if scored else 0.0
     found = deviations(scored, policy, float(np.median(np.diff(s))))
     verdict, reasons = _verdict(frames, policy, coverage, found, stopped)
-    reasons = (*reasons, *_missing(covered, s, coverage, policy))
+    if coverage < policy.coverage:
+        reasons = (*reasons, *_missing(covered, s, frames))
     return Result(verdict, reasons, coverage, len(scored), dropped, found, appearance_id, digest, tuple(frames))
 
 
@@ -137,14 +147,39 @@ def _covered(scored: Sequence[ScoredFrame], s: Float[np.ndarray, " n"], path: Pa
 
 
 def _missing(
-    covered: Bool[np.ndarray, " n"], s: Float[np.ndarray, " n"], coverage: float, policy: Policy
+    covered: Bool[np.ndarray, " n"], s: Float[np.ndarray, " n"], frames: Sequence[ScoredFrame]
 ) -> tuple[str, ...]:
-    """A sentence for each long stretch that was not seen."""
-    if coverage >= policy.coverage:
-        return ()
+    """A sentence for each long stretch that was not seen, with what became of the frames that may have shown it."""
     edges = np.flatnonzero(np.diff(np.concatenate([[1], covered.astype(np.int8), [1]])))
     stretches = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= max(2, 0.01 * len(s))]
-    return tuple(f"not seen between s = {s[a]:.3f} and {s[min(b, len(s) - 1)]:.3f}" for a, b in stretches)
+    gaps = _gaps(frames)
+    told: list[str] = []
+    for a, b in stretches:
+        start, end = float(s[a]), float(s[min(b, len(s) - 1)])
+        said = Counter(_UNSCORED[state] for low, high, run in gaps if low < end and high > start for state in run)
+        why = ", ".join(f"{count} frame{'s' * (count > 1)} {what}" for what, count in said.items())
+        told.append(f"not seen between s = {start:.3f} and {end:.3f}{': ' * bool(why)}{why}")
+    return tuple(told)
+
+
+def _gaps(frames: Sequence[ScoredFrame]) -> list[tuple[float, float, list[FrameState]]]:
+    """Runs of frames that were not scored: the lowest and highest s that they may have shown, and their states."""
+    scored = [frame for frame in frames if frame.state is FrameState.SCORED]
+    first, last = (1.0, 0.0) if _runs_backwards(scored) else (0.0, 1.0)
+    gaps: list[tuple[float, float, list[FrameState]]] = []
+    before, run = first, list[FrameState]()
+    for frame in frames:
+        if frame.state is not FrameState.SCORED:
+            # what was lost in the end was so from the beginning
+            if frame.state is FrameState.LOST:
+                run = [frame.state if state is FrameState.AMBIGUOUS else state for state in run]
+            run.append(frame.state)
+            continue
+        after = before if frame.s is None else frame.s
+        if run:
+            gaps.append((min(before, after), max(before, after), run))
+        before, run = after, []
+    return [*gaps, (min(before, last), max(before, last), run)] if run else gaps
 
 
 def deviations(scored: Sequence[ScoredFrame], policy: Policy, place: float) -> tuple[Deviation, ...]:

@@ -248,3 +248,49 @@ def test_a_sweep_that_went_back_for_a_while_is_none_backwards(turns: tuple[int, 
 def test_the_policy_decides_on_the_same_scores(frames: list[ScoredFrame], policy: dict[str, float], verdict: Judgement):
     assert judged(frames).verdict is not verdict
     assert judged(frames, Policy(**LIMIT | policy)).verdict is verdict
+
+
+def not_seen(frames: Sequence[ScoredFrame]) -> list[str]:
+    return [reason for reason in judged(frames).reasons if "not seen" in reason]
+
+
+WHYS = {
+    FrameState.AMBIGUOUS: "20 frames looked like more than one place, or like none for certain",
+    FrameState.LOST: "20 frames agreed with no place",
+    FrameState.WAITING: "20 frames agreed with no place",
+    FrameState.STRANGE: "20 frames did not look as the part does there",
+    FrameState.BLIND: "20 frames showed nothing",
+}
+
+
+@pytest.mark.parametrize("state", WHYS)
+@pytest.mark.parametrize("start", [0, 40, N - 20])
+@pytest.mark.parametrize("turned", [False, True], ids=["forwards", "backwards"])
+def test_a_stretch_that_was_not_seen_is_told_with_what_became_of_its_frames(
+    state: FrameState, start: int, turned: bool
+):
+    frames = but(lambda i: start <= i < start + 20, state)
+    (told,) = not_seen(backwards(frames) if turned else frames)
+    assert told.endswith(f": {WHYS[state]}")
+
+
+def test_each_stretch_has_its_own_reason_and_one_without_frames_has_none():
+    frames = but(lambda i: 10 <= i < 30 or 50 <= i < 70, FrameState.BLIND)
+    frames[62] = unscored(62, FrameState.AMBIGUOUS)
+    first, second, third = not_seen(frames[:85])
+    assert first.endswith(": 20 frames showed nothing")
+    assert ": 19 frames showed nothing, 1 frame looked like more than one place" in second
+    assert third.endswith("and 1.000")
+
+
+def test_frames_that_led_to_a_loss_were_lost_too():
+    frames = but(lambda i: 40 <= i < 59, FrameState.AMBIGUOUS)
+    frames[59] = unscored(59, FrameState.LOST)
+    (told,) = not_seen(frames)
+    assert told.endswith(": 20 frames agreed with no place")
+
+
+@pytest.mark.parametrize("state", WHYS)
+def test_frames_that_cost_no_coverage_are_not_told(state: FrameState):
+    result = judged(but(lambda i: i == 40, state))
+    assert (result.verdict, len(result.reasons)) == (Judgement.OK, 1)
