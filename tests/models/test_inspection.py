@@ -325,3 +325,43 @@ def test_what_was_said_of_every_frame_is_kept_in_order_however_many_there_are():
     assert middle is not None
     assert middle.frames == tuple(said[:200])
     assert step(middle, frames[200])[1] == said[200]
+
+
+WAYS = {
+    "turns back": np.concatenate([places(last=30), places(first=12, last=29)[::-1], places(first=13)]),
+    "stands still": np.concatenate([places(last=25), np.full(40, 25.0), places(first=26)]),
+    "jumps ahead": np.concatenate([places(last=20), places(first=38)]),
+    "starts late": places(first=10),
+    "starts very late": places(first=30),
+}
+
+
+@pytest.mark.parametrize("part", ["good", "spotted"])
+@pytest.mark.parametrize("way", WAYS)
+def test_whatever_way_a_sweep_takes_no_frame_is_scored_at_a_wrong_place(way: str, part: str):
+    ats = WAYS[way]
+    result = result_of(swept(surface() if part == "good" else with_spot(surface(), *SPOT), ats, SEEN))
+    assert {d.kind for d in result.deviations} == (set() if part == "good" else {"appearance"})
+    for each, at in zip(result.frames, ats, strict=True):
+        assert each.s is None or abs(each.s * (FRAMES - 1) - at) < 0.5
+    # found again within a few frames
+    assert result.frames_scored >= len(ats) - 5
+
+
+@pytest.mark.parametrize("blank", [3, 8, 12])
+def test_a_sweep_that_goes_blank_in_the_middle_is_placed_right_when_it_is_back(blank: int):
+    frames = list(good())
+    for i in range(20, 20 + blank):
+        frames[i] = frame(np.full((120, 160), 30, np.uint8), i)
+    result = result_of(frames)
+    assert (result.deviations, result.frames_scored) == ((), FRAMES - blank)
+    assert all(each.s is None or abs(each.s * (FRAMES - 1) - each.index) < 0.5 for each in result.frames)
+
+
+def test_a_long_blank_stretch_is_told_with_its_reason():
+    frames = list(good())
+    for i in range(20, 40):
+        frames[i] = frame(np.full((120, 160), 30, np.uint8), i)
+    result = result_of(frames)
+    (told,) = [reason for reason in result.reasons if "not seen" in reason]
+    assert told.endswith(": 20 frames showed nothing")
