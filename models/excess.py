@@ -32,6 +32,10 @@ _FAINT = 0.65
 """What is missing weighs less than what was added: a slight blur takes contrast from thin things, and adds none."""
 
 
+_CACHED = 2 << 20
+"""Bytes of a picture that the processor's nearer caches can be expected to hold beside what is made of it."""
+
+
 def reach(shape: tuple[int, ...]) -> int:
     """How many pixels an edge may stray in pictures of this shape.
 
@@ -82,11 +86,17 @@ class Excess:
     def of(cls, reference: np.ndarray, about: Pair, seen: np.ndarray) -> Excess:
         """`about` is the reference's band."""
         planes = np.empty((4, *seen.shape), seen.dtype)
-        dark, bright = band(seen)
-        less(seen, about[1], planes[0])
-        less(about[0], seen, planes[1])
-        _share(less(dark, reference, planes[2]), _FAINT, planes[2])
-        _share(less(reference, bright, planes[3]), _FAINT, planes[3])
+        h, by = len(seen), reach(seen.shape)
+        # what is between a frame and its excess should fit into the cache: large pictures go strip by strip
+        rows = h if seen.nbytes <= _CACHED else max(64, h * _CACHED // (4 * seen.nbytes))
+        for top in range(0, h, rows):
+            strip, first = slice(top, min(h, top + rows)), max(0, top - by)
+            dark, bright = (each[top - first :][:rows] for each in _about(seen[first : strip.stop + by], by))
+            added, missing = planes[:2, strip], planes[2:, strip]
+            less(seen[strip], about[1][strip], added[0])
+            less(about[0][strip], seen[strip], added[1])
+            _share(less(dark, reference[strip], missing[0]), _FAINT, missing[0])
+            _share(less(reference[strip], bright, missing[1]), _FAINT, missing[1])
         return cls(reference, seen, planes)
 
     def whole(self, polarity: int) -> np.ndarray:

@@ -229,3 +229,15 @@ def test_the_pictures_asked_about_are_not_changed(kind: str):
     left(reference, seen)
     np.testing.assert_array_equal(reference, before[0])
     np.testing.assert_array_equal(seen, before[1])
+
+
+@pytest.mark.parametrize("shape", [(1200, 1000, 3), (1501, 1600)])
+def test_a_large_picture_goes_strip_by_strip_and_no_strip_shows(
+    shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+):
+    rng = np.random.default_rng(3)
+    reference, seen = rng.integers(0, 256, (2, *shape), dtype=np.uint8)
+    stripped: np.ndarray = Excess.of(reference, band(reference), seen).planes
+    monkeypatch.setattr("models.excess._CACHED", 1 << 40)
+    whole: np.ndarray = Excess.of(reference, band(reference), seen).planes
+    np.testing.assert_array_equal(stripped, whole)
