@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from uuid import uuid4
@@ -20,13 +20,16 @@ def result_record(
     is_simulated: bool,
     recipe_id: str | None = None,
     promise: Promise | None = None,
+    result_id: str | None = None,
+    with_frames: bool = True,
 ) -> dict[str, object]:
     """Everything of a concluded inspection; `facts` tell product and part, which are null where nobody said.
 
-    `promise` is what its limits were set by: whoever re-judges the scores for another target needs it.
+    `promise` is what its limits were set by: whoever re-judges the scores for another target needs it. `result_id` is
+    a new one where none is given. Without frames it is what a store keeps, which has their scores beside it.
     """
-    return {
-        "result_id": str(uuid4()),
+    record: dict[str, object] = {
+        "result_id": result_id or str(uuid4()),
         "product_id": facts.get("product_id"),
         "part_id": facts.get("part_id"),
         "recipe_id": recipe_id,
@@ -42,8 +45,13 @@ def result_record(
         "digest": result.digest,
         "promise": None if promise is None else {k: round(v, 6) for k, v in asdict(promise).items()},
         "deviations": [_deviation(deviation) for deviation in result.deviations],
-        "frames": [_frame(frame) for frame in result.frames],
     }
+    return record | {"frames": frame_records(result.frames)} if with_frames else record
+
+
+def frame_records(frames: Sequence[ScoredFrame]) -> list[dict[str, object]]:
+    """The frames by the names of a result."""
+    return [_frame(frame) for frame in frames]
 
 
 def _deviation(deviation: Deviation) -> dict[str, object]:

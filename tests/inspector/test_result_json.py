@@ -11,7 +11,7 @@ import pytest
 from inspector.errors import OutputExists
 from inspector.recording import SweepReader
 from inspector.replay import replay
-from inspector.result_json import result_record, write_result
+from inspector.result_json import frame_records, result_record, write_result
 from models.limits import promise
 from models.verdict import Deviation, FrameState, Judgement, Region, Residuals, Result, ScoredFrame
 from tests.inspector.conftest import Line
@@ -68,6 +68,14 @@ def test_what_nobody_told_is_null_and_every_result_has_an_id_of_its_own() -> Non
     assert (one["product_id"], one["part_id"], one["is_simulated"]) == (None, None, False)
     assert one.pop("result_id") != other.pop("result_id")
     assert one == other
+
+
+def test_a_store_gives_the_id_and_keeps_the_frames_elsewhere() -> None:
+    stored = result_record(RESULT, {}, is_simulated=False, result_id="mine", with_frames=False)
+    assert stored["result_id"] == "mine"
+    whole = result_record(RESULT, {}, is_simulated=False, result_id="mine")
+    assert whole == {**stored, "frames": frame_records(FRAMES)}
+    assert "frames" not in stored
 
 
 def test_a_real_result_is_json_and_its_indices_count_the_recording(line: Line, tmp_path: Path) -> None:
