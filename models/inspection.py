@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from math import hypot
 
@@ -51,6 +51,10 @@ class Inspection:
     """Index of the last frame that could be compared."""
     dropped: int = 0
     last_sequence: int | None = None
+    first_ns: int = 0
+    """Time of the first frame."""
+    chain: bytes = b""
+    """sha256 over the chain before and the latest frame, so that the digest costs the same after any number."""
 
     @property
     def count(self) -> int:
@@ -100,8 +104,17 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
     if len(latest) == _CHUNK:
         earlier, latest = (*earlier, latest), ()
     last_scored = scored.index if scored.state is FrameState.SCORED else inspection.last_scored
-    now = Inspection(
-        appearance, inspection.policy, inspection.factor, memory, earlier, latest, last_scored, dropped, frame.sequence
+    first_ns = inspection.first_ns if inspection.count else frame.t_ns
+    now = replace(
+        inspection,
+        memory=memory,
+        earlier=earlier,
+        latest=latest,
+        last_scored=last_scored,
+        dropped=dropped,
+        last_sequence=frame.sequence,
+        first_ns=first_ns,
+        chain=_link(inspection.chain, scored, first_ns),
     )
     return now, scored
 
@@ -125,11 +138,14 @@ def digest(inspection: Inspection) -> str:
     """sha256 over appearance, policy and every scored frame; not over ids and clocks."""
     running = hashlib.sha256(inspection.appearance.id.encode())
     running.update(json.dumps(asdict(inspection.policy), sort_keys=True).encode())
-    start = inspection.frames[0].t_ns if inspection.frames else 0
-    for frame in inspection.frames:
-        fields = asdict(frame) | {"t_ns": frame.t_ns - start}
-        running.update(json.dumps(fields, sort_keys=True).encode())
+    running.update(inspection.chain)
     return "sha256:" + running.hexdigest()
+
+
+def _link(chain: bytes, scored: ScoredFrame, first_ns: int) -> bytes:
+    """All that was said of a frame, its time counted from the first one's, on top of all before."""
+    said = json.dumps(vars(scored) | {"t_ns": scored.t_ns - first_ns}, default=vars, sort_keys=True)
+    return hashlib.sha256(chain + said.encode()).digest()
 
 
 def explain(appearance: Appearance, frame: Frame, scored: ScoredFrame) -> Explanation | None:

@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from models.deviations import deviations
 from models.fixture import Path
 from models.registration import WIDE
-from models.verdict import Deviation, FrameState, Judgement, Policy, Region, Result, ScoredFrame
+from models.verdict import Deviation, FrameState, Judgement, Policy, Result, ScoredFrame
 
 _SEES = 0.15
 """A scored frame vouches for places whose pictures lie within this share of the width of its own."""
-_DIP = 4
-"""Frames from one that is raised to the next, up to which they belong to the same deviation."""
 _STRAYS = 0.1
 """Share of frames without a place, above which short coverage means another part, not a sweep that ended early."""
 _UNSCORED = {
@@ -50,11 +49,16 @@ def judge(
     scored = [frame for frame in frames if frame.state is FrameState.SCORED]
     covered = _covered(scored, s, path)
     coverage = float(covered.mean()) if scored else 0.0
-    found = deviations(scored, policy, float(np.median(np.diff(s))))
+    found = deviations(scored, policy, place(s))
     verdict, reasons = _verdict(frames, policy, coverage, found, stopped)
     if coverage < policy.coverage:
         reasons = (*reasons, *_missing(covered, s, frames))
     return Result(verdict, reasons, coverage, len(scored), dropped, found, appearance_id, digest, tuple(frames))
+
+
+def place(s: Float[np.ndarray, " n"]) -> float:
+    """How far along s one place of the reference sweep reaches, usually."""
+    return float(np.median(np.diff(s)))
 
 
 def rescaled(frames: Sequence[ScoredFrame], by: float) -> tuple[ScoredFrame, ...]:
@@ -180,47 +184,3 @@ def _gaps(frames: Sequence[ScoredFrame]) -> list[tuple[float, float, list[FrameS
             gaps.append((min(before, after), max(before, after), run))
         before, run = after, []
     return [*gaps, (min(before, last), max(before, last), run)] if run else gaps
-
-
-def deviations(scored: Sequence[ScoredFrame], policy: Policy, place: float) -> tuple[Deviation, ...]:
-    """Stretches out of tolerance, with hysteresis, each kind apart, in the order of their first frame.
-
-    A dip of a few frames below the hysteresis does not end one. `place` is how far along s one place reaches.
-    """
-    found: list[Deviation] = []
-    for kind in ("appearance", "position", "timing"):
-        run: list[ScoredFrame] = []
-        for frame in scored:
-            if run and frame.index - run[-1].index > _DIP:
-                found += _closed(run, kind, place)
-                run = []
-            if getattr(frame.residuals, kind) >= policy.hysteresis:
-                run.append(frame)
-        found += _closed(run, kind, place)
-    return tuple(sorted(found, key=lambda d: (d.index_start, d.kind)))
-
-
-def _closed(run: list[ScoredFrame], kind: str, place: float) -> list[Deviation]:
-    """The deviation that a run of raised frames is, if it reached the threshold."""
-    if not run:
-        return []
-    peak = max(run, key=lambda frame: getattr(frame.residuals, kind))
-    height = float(getattr(peak.residuals, kind))
-    if height < 1.0 or (kind != "appearance" and len(run) < _FEW):
-        return []
-    places = [frame.s for frame in run if frame.s is not None]
-    end = min(1.0, max(places) + place)
-    regions: tuple[Region, ...] = peak.regions if kind == "appearance" else ()
-    return [
-        Deviation(
-            min(*places, end - place),
-            end,
-            run[0].index,
-            run[-1].index + 1,
-            kind,
-            regions[0].polarity if regions else None,
-            height,
-            peak.index,
-            regions,
-        )
-    ]
