@@ -13,6 +13,7 @@ models.errors.InspectionError
     │   ├── NotRecorded          a recording that cannot be begun
     │   ├── NothingRecorded      a camera that delivered no picture to record
     │   └── RecordingStopped     a recording that could not be written on
+    ├── StoreError               a database that does not do what was asked (inspector.stores.base)
     └── OutputExists             a file that would be overwritten
 """
 
@@ -101,6 +102,10 @@ class RecordingStopped(RecordingError):
     def __init__(self, path: Path, saved: int, why: str) -> None:
         self.saved = saved
         super().__init__(f"{path}: recording stopped: {why}; at least the first {saved} frames are saved and readable")
+
+
+class StoreError(WorldError):
+    """A database that cannot be opened, failed, or does not hold what was asked for."""
 
 
 class OutputExists(WorldError):

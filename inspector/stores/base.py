@@ -1,0 +1,430 @@
+"""What every store promises, and what can go wrong with one.
+
+inspector.errors.StoreError
+├── UnknownStore             a url whose scheme no store has
+├── StoreNotOpened           a database that is not there, does not answer, or is none of ours
+│   └── NewerStore           a database that a newer program has written
+├── StoreFailed              a database that failed while it was used: disk full, server gone
+├── NoSuch                   an id that nothing has
+│   ├── NoSuchProduct
+│   ├── NoSuchSweep
+│   ├── NoSuchAppearance
+│   ├── NoSuchJob
+│   ├── NoSuchRecipe
+│   ├── NoSuchInspection
+│   └── NoSuchToken
+└── StoreConflict            what is asked does not go with what is there
+    ├── IdTaken              an id that something has already
+    ├── JobEnded             a job that has ended is changed
+    ├── NotEnded             an inspection is acknowledged that has not ended
+    └── AlreadyConcluded     an inspection is concluded that has ended
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from types import TracebackType
+from typing import ClassVar, Self
+
+from inspector.errors import StoreError
+from inspector.stores.records import (
+    AuditEntry,
+    Claim,
+    Ended,
+    InspectionSource,
+    InspectionState,
+    Job,
+    JobKind,
+    JobState,
+    Json,
+    Page,
+    Product,
+    Recipe,
+    RecordingState,
+    Role,
+    StoredAppearance,
+    StoredInspection,
+    StoredRecording,
+    Sweep,
+    Token,
+)
+
+
+class UnknownStore(StoreError):
+    """A url whose scheme no store has."""
+
+    def __init__(self, scheme: str, known: Sequence[str]) -> None:
+        super().__init__(f"database {scheme!r}: no such kind of database; known are {', '.join(known)}")
+
+
+class StoreNotOpened(StoreError):
+    """A database that is not there, does not answer, or is none of ours."""
+
+    def __init__(self, place: str, why: str) -> None:
+        super().__init__(f"database {place} cannot be opened: {why}")
+
+
+class NewerStore(StoreNotOpened):
+    """A database that a newer program has written."""
+
+    def __init__(self, place: str, found: str, known: str) -> None:
+        super().__init__(
+            place, f"a newer program has written it (revision {found}, known is {known}); use that program"
+        )
+
+
+class StoreFailed(StoreError):
+    """A database that failed while it was used. What was not confirmed was not done."""
+
+    def __init__(self, place: str, why: str) -> None:
+        super().__init__(f"database {place} failed: {why}")
+
+
+class NoSuch(StoreError):
+    """An id that nothing has."""
+
+    thing: ClassVar[str] = "thing"
+
+    def __init__(self, id: str) -> None:
+        super().__init__(f"there is no {self.thing} {id!r}")
+
+
+class NoSuchProduct(NoSuch):
+    """A product that has no sweep yet."""
+
+    thing = "product"
+
+
+class NoSuchSweep(NoSuch):
+    """An id that no sweep has."""
+
+    thing = "sweep"
+
+
+class NoSuchAppearance(NoSuch):
+    """An id that no appearance of the product has."""
+
+    thing = "appearance"
+
+
+class NoSuchJob(NoSuch):
+    """An id that no job has."""
+
+    thing = "job"
+
+
+class NoSuchRecipe(NoSuch):
+    """An id that no recipe of the product has."""
+
+    thing = "recipe"
+
+
+class NoSuchInspection(NoSuch):
+    """An id that no inspection has."""
+
+    thing = "inspection"
+
+
+class NoSuchToken(NoSuch):
+    """An id that no token has."""
+
+    thing = "token"
+
+
+class StoreConflict(StoreError):
+    """What is asked does not go with what is there."""
+
+
+class IdTaken(StoreConflict):
+    """An id that something has already."""
+
+    def __init__(self, thing: str, id: str) -> None:
+        super().__init__(f"there is a {thing} {id!r} already")
+
+
+class JobEnded(StoreConflict):
+    """A job that has ended is changed."""
+
+    def __init__(self, job_id: str, state: str) -> None:
+        super().__init__(f"job {job_id!r} is {state}, and changes no more")
+
+
+class NotEnded(StoreConflict):
+    """An inspection is acknowledged that has not ended."""
+
+    def __init__(self, inspection_id: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} is processing; conclude it first")
+
+
+class AlreadyConcluded(StoreConflict):
+    """An inspection is concluded that has ended."""
+
+    def __init__(self, inspection_id: str, state: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} is {state} already")
+
+
+class AbstractStore(ABC):
+    """Everything that the service remembers. A context manager: leaving it closes it.
+
+    Every method is one transaction: done when it returns, not done at all when it raises; what was done survives a
+    kill. Calls block, and may come from many threads. Lists are newest first; `after` is the `next` of the page before,
+    `limit` the most that a page may hold. Every method raises StoreFailed where the database fails.
+    """
+
+    # Products, sweeps, appearances.
+
+    @abstractmethod
+    def ensure_product(self, product_id: str, t_ns: int) -> Product:
+        """The product; made at `t_ns`, where it was not there."""
+
+    @abstractmethod
+    def product(self, product_id: str) -> Product:
+        """Raises NoSuchProduct."""
+
+    @abstractmethod
+    def products(self, after: int | None = None, limit: int = 50) -> Page[Product]:
+        """All of them."""
+
+    @abstractmethod
+    def add_sweep(self, sweep: Sweep) -> None:
+        """Its product comes into being with it. Raises IdTaken."""
+
+    @abstractmethod
+    def sweep(self, sweep_id: str) -> Sweep:
+        """Raises NoSuchSweep."""
+
+    @abstractmethod
+    def sweeps(self, product_id: str, after: int | None = None, limit: int = 50) -> Page[Sweep]:
+        """Those of a product. Raises NoSuchProduct."""
+
+    @abstractmethod
+    def add_appearance(self, appearance: StoredAppearance) -> StoredAppearance:
+        """The appearance; the one that is there already, where the product has it. Raises NoSuchProduct."""
+
+    @abstractmethod
+    def appearance(self, product_id: str, appearance_id: str) -> StoredAppearance:
+        """Raises NoSuchAppearance."""
+
+    @abstractmethod
+    def appearances(self, product_id: str, after: int | None = None, limit: int = 50) -> Page[StoredAppearance]:
+        """Those of a product. Raises NoSuchProduct."""
+
+    # Jobs.
+
+    @abstractmethod
+    def add_job(self, job_id: str, kind: JobKind, product_id: str, request: Json, t_ns: int) -> Job:
+        """A running job; its product comes into being with it. Raises IdTaken."""
+
+    @abstractmethod
+    def update_job(
+        self,
+        job_id: str,
+        *,
+        progress: float | None = None,
+        state: JobState | None = None,
+        ended_ns: int | None = None,
+        outcome: Json | None = None,
+        error: str | None = None,
+    ) -> Job:
+        """The job with what is given changed; a job that has ended changes no more. Raises NoSuchJob, JobEnded."""
+
+    @abstractmethod
+    def job(self, job_id: str) -> Job:
+        """Raises NoSuchJob."""
+
+    @abstractmethod
+    def jobs(
+        self,
+        *,
+        product_id: str | None = None,
+        state: JobState | None = None,
+        after: int | None = None,
+        limit: int = 50,
+    ) -> Page[Job]:
+        """All of them, or those of a product, or in a state."""
+
+    @abstractmethod
+    def fail_running_jobs(self, t_ns: int, why: str) -> tuple[str, ...]:
+        """At start, after a crash: the ids of the jobs that ran, which have failed now."""
+
+    # Recipes.
+
+    @abstractmethod
+    def add_recipe(
+        self,
+        recipe_id: str,
+        product_id: str,
+        appearance_id: str,
+        policy: Json,
+        *,
+        note: str = "",
+        activate: bool = True,
+        actor: str,
+        t_ns: int,
+    ) -> Recipe:
+        """A new version, and the entries `recipe.add` (and `recipe.activate`) of the audit trail, at once.
+
+        Raises IdTaken, NoSuchProduct, NoSuchAppearance.
+        """
+
+    @abstractmethod
+    def activate_recipe(self, product_id: str, recipe_id: str, *, actor: str, t_ns: int) -> Recipe:
+        """The recipe, active instead of the one that was, with an entry in the audit trail unless it was active.
+
+        Raises NoSuchProduct, NoSuchRecipe.
+        """
+
+    @abstractmethod
+    def recipe(self, recipe_id: str) -> Recipe:
+        """Raises NoSuchRecipe."""
+
+    @abstractmethod
+    def recipes(self, product_id: str, after: int | None = None, limit: int = 50) -> Page[Recipe]:
+        """Those of a product; `after` is a version. Raises NoSuchProduct."""
+
+    @abstractmethod
+    def active_recipe(self, product_id: str) -> Recipe | None:
+        """None where no recipe is active. Raises NoSuchProduct."""
+
+    # Inspections.
+
+    @abstractmethod
+    def begin_inspection(
+        self,
+        inspection_id: str,
+        product_id: str,
+        *,
+        part_id: str | None,
+        recipe_id: str | None,
+        appearance_id: str,
+        policy: Json,
+        begun_ns: int,
+        source: InspectionSource = "live",
+        is_simulated: bool = False,
+        recording: RecordingState = "being written",
+    ) -> StoredInspection:
+        """An inspection in processing. Raises IdTaken, NoSuchProduct, NoSuchRecipe, NoSuchAppearance."""
+
+    @abstractmethod
+    def conclude_inspection(
+        self,
+        inspection_id: str,
+        state: Ended,
+        *,
+        verdict: str | None,
+        ended_ns: int,
+        result: Json | None,
+        scores: bytes | None,
+        reason: str | None = None,
+    ) -> StoredInspection:
+        """The inspection, ended; its scores are kept as they are. Raises NoSuchInspection, AlreadyConcluded."""
+
+    @abstractmethod
+    def acknowledge_inspection(self, inspection_id: str, t_ns: int) -> StoredInspection:
+        """The first time counts, and further ones do nothing. Raises NoSuchInspection, NotEnded."""
+
+    @abstractmethod
+    def inspection(self, inspection_id: str) -> StoredInspection:
+        """Raises NoSuchInspection."""
+
+    @abstractmethod
+    def inspections(
+        self,
+        *,
+        product_id: str | None = None,
+        verdict: str | None = None,
+        state: InspectionState | None = None,
+        source: InspectionSource | None = None,
+        after: int | None = None,
+        limit: int = 50,
+    ) -> Page[StoredInspection]:
+        """All of them, or those that have what is given; `after` is a number."""
+
+    @abstractmethod
+    def scores(self, inspection_id: str) -> bytes | None:
+        """As handed to `conclude_inspection`; None where there are none. Raises NoSuchInspection."""
+
+    @abstractmethod
+    def abort_processing(self, t_ns: int, why: str) -> tuple[str, ...]:
+        """At start, after a crash: the ids of the inspections in processing, which are aborted now."""
+
+    # Recordings of inspections.
+
+    @abstractmethod
+    def set_recording(
+        self, inspection_id: str, recording: RecordingState, bytes: int = 0, note: str | None = None
+    ) -> StoredInspection:
+        """The inspection, with what became of its recording. Raises NoSuchInspection."""
+
+    @abstractmethod
+    def recordings(self, recording: RecordingState = "kept") -> tuple[StoredRecording, ...]:
+        """All recordings in that state, the oldest inspection first."""
+
+    # Audit trail, tokens.
+
+    @abstractmethod
+    def add_audit(
+        self, *, t_ns: int, actor: str, action: str, thing: str, before: Json | None = None, after: Json | None = None
+    ) -> AuditEntry:
+        """One more entry; there is no way to change or remove one, and the database refuses it, too."""
+
+    @abstractmethod
+    def audit(self, after: int | None = None, limit: int = 50) -> Page[AuditEntry]:
+        """All entries; `after` is a number."""
+
+    @abstractmethod
+    def add_token(self, token_id: str, name: str, role: Role, sha256: str, *, actor: str, t_ns: int) -> Token:
+        """With an entry in the audit trail. Raises IdTaken, for the id and for the hash."""
+
+    @abstractmethod
+    def revoke_token(self, token_id: str, *, actor: str, t_ns: int) -> Token:
+        """With an entry in the audit trail; the first time counts. Raises NoSuchToken."""
+
+    @abstractmethod
+    def tokens(self) -> tuple[Token, ...]:
+        """All of them, those revoked, too."""
+
+    @abstractmethod
+    def token_by_hash(self, sha256: str) -> Token | None:
+        """None where no token has that hash; one that was revoked says so itself."""
+
+    # Requests that may come twice.
+
+    @abstractmethod
+    def claim(self, scope: str, key: str, fingerprint: str, t_ns: int) -> Claim:
+        """Of many that claim a key at once, one gets `new`: it does the work, then settles or releases."""
+
+    @abstractmethod
+    def settle(self, scope: str, key: str, status: int, body: bytes) -> None:
+        """The answer that further claims get."""
+
+    @abstractmethod
+    def release(self, scope: str, key: str) -> None:
+        """The work was not done: the next claim is new. What is settled stays."""
+
+    @abstractmethod
+    def release_pending_claims(self) -> int:
+        """At start, after a crash: how many were released."""
+
+    @abstractmethod
+    def forget_claims(self, before_ns: int) -> int:
+        """How many settled claims, made before that time, were forgotten."""
+
+    # The store itself.
+
+    @abstractmethod
+    def ping(self) -> None:
+        """Return where the database answers. Raises StoreFailed."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let the database go; a second call does nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
