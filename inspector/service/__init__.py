@@ -1,0 +1,1 @@
+"""The service without its HTTP: what happens when somebody asks. `api` speaks for it."""
