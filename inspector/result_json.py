@@ -44,17 +44,18 @@ def result_record(
         "frames_dropped": result.frames_dropped,
         "digest": result.digest,
         "promise": None if promise is None else {k: round(v, 6) for k, v in asdict(promise).items()},
-        "deviations": [_deviation(deviation) for deviation in result.deviations],
+        "deviations": [deviation_record(deviation) for deviation in result.deviations],
     }
     return record | {"frames": frame_records(result.frames)} if with_frames else record
 
 
 def frame_records(frames: Sequence[ScoredFrame]) -> list[dict[str, object]]:
     """The frames by the names of a result."""
-    return [_frame(frame) for frame in frames]
+    return [frame_record(frame) for frame in frames]
 
 
-def _deviation(deviation: Deviation) -> dict[str, object]:
+def deviation_record(deviation: Deviation) -> dict[str, object]:
+    """A deviation by the names of a result."""
     return {
         "s_start": number(deviation.s_start),
         "s_end": number(deviation.s_end),
@@ -68,7 +69,8 @@ def _deviation(deviation: Deviation) -> dict[str, object]:
     }
 
 
-def _frame(frame: ScoredFrame) -> dict[str, object]:
+def frame_record(frame: ScoredFrame) -> dict[str, object]:
+    """A frame by the names of a result."""
     residuals = frame.residuals
     return {
         "index": frame.index,

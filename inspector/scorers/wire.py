@@ -1,0 +1,49 @@
+"""What the service and a scorer process say to each other over pipes: a JSON head and bytes beside it.
+
+| to the scorer | | answered by |
+| --- | --- | --- |
+| `load` | `appearance_id`, `path`: have it ready | nothing, or `failed` |
+| `begin` | `id`, `appearance_id`, `path`, `policy`, `names`, `record_to` | `begun` or `failed` |
+| `frame` | `id`, `sequence`, `t_ns`, `encoder`; the picture | `frame`: `sequence`, `kinds`, `took`, `brief`; lines |
+| `drop` | `id`, `count`, `t_ns`: recorded as lost | nothing |
+| `conclude` | `id`, `stopped`, `announced` | `concluded`: `result`, `recording`, `json`; full result, scores |
+| `abort` | `id`, `reason`, `announced` | the same |
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+from typing import Any, BinaryIO
+
+SIZES = struct.Struct("<II")
+Head = dict[str, Any]
+
+
+def pack(head: Head, body: bytes | memoryview = b"") -> bytes:
+    """One message as bytes."""
+    said = json.dumps(head, separators=(",", ":")).encode()
+    return b"".join((SIZES.pack(len(said), len(body)), said, body))
+
+
+def receive(stream: BinaryIO) -> tuple[Head, bytes] | None:
+    """The next message, None at the end of the stream; waits for it."""
+    sizes = stream.read(SIZES.size)
+    if len(sizes) < SIZES.size:
+        return None
+    head_size, body_size = SIZES.unpack(sizes)
+    said = stream.read(head_size + body_size)
+    if len(said) < head_size + body_size:
+        return None
+    return json.loads(said[:head_size]), said[head_size:]
+
+
+async def receive_async(stream: asyncio.StreamReader) -> tuple[Head, bytes] | None:
+    """The same, on an event loop."""
+    try:
+        head_size, body_size = SIZES.unpack(await stream.readexactly(SIZES.size))
+        said = await stream.readexactly(head_size + body_size)
+    except asyncio.IncompleteReadError:
+        return None
+    return json.loads(said[:head_size]), said[head_size:]

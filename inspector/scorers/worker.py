@@ -1,0 +1,141 @@
+"""The scorer process: reads from stdin what `wire` describes, answers on stdout; ends when stdin does.
+
+Started by `pool` as `python -m inspector.scorers.worker MAX_PIXELS`. When the service is gone, however it went, its
+recordings are closed properly.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import signal
+import sys
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO
+
+import cv2
+
+from inspector.learner import load_appearance
+from inspector.scorers.inspected import Concluded, Inspected, Names
+from inspector.scorers.tape import Recorded, Tape, TapeThread
+from inspector.scorers.wire import Head, pack, receive
+from models.appearance import Appearance
+from models.errors import AppearanceError, InspectionError
+from models.verdict import Policy
+
+_KEPT = 8
+"""Appearances that stay loaded while no inspection needs them."""
+BRIEF = ("index", "s", "score", "state")
+"""What dashboards are told of every frame."""
+_NICE = 5
+"""The process that talks to clients goes first."""
+
+
+class Worker:
+    """All inspections of one process."""
+
+    def __init__(self, out: BinaryIO, max_pixels: int) -> None:
+        self._out, self._lock, self._max_pixels = out, threading.Lock(), max_pixels
+        self._inspected: dict[str, Inspected] = {}
+        self._appearances: OrderedDict[str, Appearance] = OrderedDict()
+        self._tapes = TapeThread()
+        self._does: dict[str, Callable[[Head, bytes], None]] = {
+            "load": self._load,
+            "begin": self._begin,
+            "frame": self._frame,
+            "drop": self._drop,
+            "conclude": self._end,
+            "abort": self._end,
+        }
+
+    def run(self, stream: BinaryIO) -> None:
+        """Until the stream ends."""
+        self._tapes.start()
+        while message := receive(stream):
+            head, body = message
+            try:
+                self._does[head["do"]](head, body)
+            except InspectionError as error:
+                self._say({"did": "failed", "id": head.get("id"), "do": head["do"], "why": str(error)})
+        self._tapes.finish()
+
+    def _load(self, head: Head, _: bytes) -> None:
+        self._appearance(head)
+
+    def _begin(self, head: Head, _: bytes) -> None:
+        appearance = self._appearance(head)
+        names = Names(**head["names"])
+        facts = {
+            "product_id": names.product_id,
+            "part_id": names.part_id,
+            "recipe_id": names.recipe_id,
+            "inspection_id": names.inspection_id,
+            "appearance_id": appearance.id,
+        }
+        policy = Policy(**head["policy"])
+        tape = Tape(self._tapes, Path(head["record_to"]), facts)
+        self._inspected[head["id"]] = Inspected(appearance, policy, names, tape, max_pixels=self._max_pixels)
+        self._say({"did": "begun", "id": head["id"]})
+
+    def _frame(self, head: Head, body: bytes) -> None:
+        inspected = self._inspected[head["id"]]
+        said, took = inspected.frame(head["sequence"], head["t_ns"], head["encoder"], body)
+        lines = "\n".join(json.dumps(each, separators=(",", ":")) for each in said)
+        answer = {"did": "frame", "id": head["id"], "sequence": head["sequence"], "took": took}
+        brief = [said[0].get(name) for name in BRIEF]
+        self._say(answer | {"kinds": [each["kind"] for each in said], "brief": brief}, lines.encode())
+
+    def _drop(self, head: Head, _: bytes) -> None:
+        self._inspected[head["id"]].drop(head["count"], head["t_ns"])
+
+    def _end(self, head: Head, _: bytes) -> None:
+        inspected = self._inspected.pop(head["id"])
+        ended = inspected.end(head["announced"], stopped=head.get("stopped", False), aborted=head.get("reason"))
+        # the answer comes from the thread of the tapes, when the recording is closed
+        inspected.tape.close(lambda recorded: self._tell(head["id"], ended, recorded))
+
+    def _tell(self, inspection: str, ended: Concluded, recorded: Recorded) -> None:
+        facts = {"frames": recorded.frames, "bytes": recorded.bytes, "note": recorded.note}
+        head = {"did": "concluded", "id": inspection, "result": ended.result, "recording": facts}
+        self._say(head | {"json": len(ended.full)}, ended.full + ended.scores)
+
+    def _say(self, head: Head, body: bytes = b"") -> None:
+        # a service that is gone hears nothing; the recordings are closed all the same
+        with self._lock, suppress(BrokenPipeError):
+            self._out.write(pack(head, body))
+            self._out.flush()
+
+    def _appearance(self, head: Head) -> Appearance:
+        """From memory, or the file, which must be the one that was meant."""
+        wanted = head["appearance_id"]
+        if wanted not in self._appearances:
+            appearance = load_appearance(head["path"])
+            if appearance.id != wanted:
+                raise AppearanceError(f"appearance {wanted}: its file holds another one; upload or learn it again")
+            self._appearances[wanted] = appearance
+        self._appearances.move_to_end(wanted)
+        while len(self._appearances) > _KEPT:
+            self._appearances.popitem(last=False)
+        return self._appearances[wanted]
+
+
+def main() -> None:
+    """The process: signals are for the service, which then closes stdin."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, signal.SIG_IGN)
+    os.nice(_NICE)
+    cv2.setNumThreads(1)
+    # whatever prints must not speak to the service
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    gc.freeze()
+    Worker(out, int(sys.argv[1])).run(sys.stdin.buffer)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,379 @@
+"""The life of inspections: begun, fed, concluded or aborted, stored; none is forgotten, none is stored twice.
+
+inspector.errors.WorldError
+├── AtCapacity               one inspection more than can be scored in time
+├── Stopping                 the service takes nothing new: it is being stopped
+└── NoRecipe                 a product without an active recipe
+(and what running.py raises)
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict
+from functools import partial
+from typing import Any, TypeVar
+
+import structlog
+
+from inspector.errors import StoreError, WorldError
+from inspector.scorers.pool import Pool
+from inspector.service.events import Events
+from inspector.service.folder import DataFolder, new_id
+from inspector.service.metrics import Metrics
+from inspector.service.running import Around, Bounds, Ended, NotOpen, Running
+from inspector.stores.base import AbstractStore, AlreadyConcluded
+from inspector.stores.records import Recipe, StoredInspection
+from models.verdict import Policy
+
+T = TypeVar("T")
+_BRIEF_SECONDS = 0.25
+_TICK_SECONDS = 1.0
+_DROPPING_SECONDS = 2.0
+"""For so long after a drop there is no capacity for one more inspection."""
+_NOT_CLOSED = "not closed properly: the last second may be missing"
+_REMEMBERED = 64
+"""Inspections whose messages are kept after their end, for connections that break just then."""
+
+
+class AtCapacity(WorldError):
+    """One inspection more than can be scored in time."""
+
+    retry_after = 5
+
+    def __init__(self, why: str) -> None:
+        super().__init__(f"no capacity for one more inspection: {why}; try again in a few seconds")
+
+
+class Stopping(WorldError):
+    """The service takes nothing new: it is being stopped."""
+
+    retry_after = 10
+
+    def __init__(self) -> None:
+        super().__init__("the service is being stopped; try again when it runs")
+
+
+class NoRecipe(WorldError):
+    """A product without an active recipe."""
+
+    def __init__(self, product_id: str) -> None:
+        super().__init__(f"product {product_id!r} has no active recipe: learn an appearance, and make a recipe of it")
+
+
+class Inspections:
+    """All inspections that run in this process. Used from the event loop; the store is asked in threads."""
+
+    def __init__(
+        self,
+        store: AbstractStore,
+        folder: DataFolder,
+        events: Events,
+        metrics: Metrics,
+        *,
+        scorers: int,
+        max_inspections: int,
+        max_pixels: int,
+        bounds: Bounds,
+        idle_seconds: float,
+        on_stored: Callable[[StoredInspection], object] = lambda stored: None,
+    ) -> None:
+        self.pool = Pool(scorers, max_pixels)
+        self.stopping = False
+        self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
+        self._max, self._idle_seconds, self._on_stored = max_inspections, idle_seconds, on_stored
+        self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes, self._dropped)
+        self._running: dict[str, Running] = {}
+        self._ended: OrderedDict[str, Running] = OrderedDict()
+        self._beginning = 0
+        self._dropped_at = -_DROPPING_SECONDS
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._log = structlog.get_logger("inspector")
+
+    async def start(self) -> None:
+        """Inspections that a crash left in processing are aborted; then the scorers begin, with what is active."""
+        await in_thread(self._recover)
+        await self.pool.start()
+        for appearance_id in await in_thread(self._active):
+            self.load(appearance_id)
+        self._keep(self._tick())
+        self._keep(self._tell())
+        self._keep(self._metrics.watch_loop(time.perf_counter))
+
+    async def stop(self) -> None:
+        """What waits is scored; what runs is aborted and says so; files are closed. A second call does nothing."""
+        if self.stopping:
+            return
+        self.stopping = True
+        self._events.publish("station", state="stopping")
+        for running in [*self._running.values()]:
+            with suppress(WorldError):
+                await self._end(running, reason="the service was stopped")
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self.pool.stop()
+
+    def load(self, appearance_id: str) -> None:
+        """Have it ready in every scorer: it will be needed."""
+        self.pool.load(appearance_id, str(self._folder.appearance(appearance_id)))
+
+    @property
+    def state(self) -> str:
+        """Of the station: `ready`, `inspecting`, `at capacity`, `stopping`."""
+        if self.stopping:
+            return "stopping"
+        if self._no_capacity() is not None:
+            return "at capacity"
+        return "inspecting" if self._running else "ready"
+
+    @property
+    def running(self) -> tuple[Running, ...]:
+        """Those in processing."""
+        return tuple(self._running.values())
+
+    def find(self, inspection_id: str) -> Running | None:
+        """The inspection, if it runs, or ended a short while ago."""
+        return self._running.get(inspection_id) or self._ended.get(inspection_id)
+
+    def observe(self) -> None:
+        """Bring the gauges up to date."""
+        self._metrics.running.set(len(self._running))
+        self._metrics.listeners.set(self._events.listeners)
+        self._metrics.restarts.set(sum(scorer.restarts for scorer in self.pool.scorers))
+        for scorer in self.pool.scorers:
+            self._metrics.waiting.labels(str(scorer.number)).set(scorer.waiting)
+
+    async def begin(self, product_id: str, part_id: str, recipe_id: str | None = None) -> StoredInspection:
+        """A new inspection, ready for frames.
+
+        Raises Stopping, AtCapacity, NoRecipe, NoSuchProduct, NoSuchRecipe, ScorerLost.
+        """
+        if self.stopping:
+            raise Stopping
+        if (why := self._no_capacity()) is not None:
+            self._metrics.refused.inc()
+            raise AtCapacity(why)
+        self._beginning += 1
+        try:
+            return await self._begin(product_id, part_id, recipe_id)
+        finally:
+            self._beginning -= 1
+
+    async def conclude(self, inspection_id: str, *, stopped: bool = False) -> bytes:
+        """The result, as JSON with frames, after it was stored. Raises NoSuchInspection, AlreadyConcluded, ScorerLost.
+
+        Where the store fails, the result is kept, and a further call tries to store it once more.
+        """
+        return (await self._end(await self._open(inspection_id), stopped=stopped)).full
+
+    async def abort(self, inspection_id: str, reason: str) -> bytes:
+        """The same, without a verdict on the part: it is never OK."""
+        return (await self._end(await self._open(inspection_id), reason=reason)).full
+
+    async def open(self, inspection_id: str) -> Running:
+        """The inspection, to feed it. Raises NoSuchInspection, AlreadyConcluded, NotOpen."""
+        running = await self._open(inspection_id)
+        if running.phase != "open":
+            raise NotOpen(inspection_id)
+        return running
+
+    async def _open(self, inspection_id: str) -> Running:
+        running = self._running.get(inspection_id)
+        if running is not None:
+            return running
+        stored = await in_thread(self._store.inspection, inspection_id)
+        raise AlreadyConcluded(inspection_id, stored.state)
+
+    async def _begin(self, product_id: str, part_id: str, recipe_id: str | None) -> StoredInspection:
+        recipe = await in_thread(self._recipe, product_id, recipe_id)
+        policy = Policy(**recipe.policy)
+        scorer = self.pool.least()
+        if scorer is None:
+            raise AtCapacity("the processes that score are being started")
+        inspection_id = new_id()
+        begin = partial(
+            self._store.begin_inspection, part_id=part_id, recipe_id=recipe.recipe_id, policy=asdict(policy)
+        )
+        stored = await in_thread(
+            begin, inspection_id, product_id, appearance_id=recipe.appearance_id, begun_ns=time.time_ns()
+        )
+        names = {"inspection_id": inspection_id, "product_id": product_id, "part_id": part_id}
+        names |= {"recipe_id": recipe.recipe_id}
+        facts = names | {"appearance_id": recipe.appearance_id}
+        running = Running(facts, scorer, self._around)
+        self._running[inspection_id] = running
+        running.begin(
+            {
+                "do": "begin",
+                "id": inspection_id,
+                "appearance_id": recipe.appearance_id,
+                "path": str(self._folder.appearance(recipe.appearance_id)),
+                "policy": asdict(policy),
+                "names": names | {"result_id": new_id()},
+                "record_to": str(self._folder.inspection(inspection_id)),
+            }
+        )
+        try:
+            await running.begun
+        except WorldError as error:
+            await self._lose(running, str(error))
+            raise
+        self._events.publish("begun", **facts)
+        return stored
+
+    def _recipe(self, product_id: str, recipe_id: str | None) -> Recipe:
+        if recipe_id is not None:
+            return self._store.recipe(recipe_id)
+        recipe = self._store.active_recipe(product_id)
+        if recipe is None:
+            raise NoRecipe(product_id)
+        return recipe
+
+    async def _end(self, running: Running, *, stopped: bool = False, reason: str | None = None) -> Ended:
+        """Conclude or abort, store, tell. Goes on when the one who asked is gone."""
+        if running.phase in ("ending", "ended"):
+            raise AlreadyConcluded(running.inspection_id, running.phase)
+        if running.phase == "open":
+            running.end(stopped=stopped, reason=reason)
+        running.phase = "ending"
+        return await asyncio.shield(self._keep(self._finish(running, reason)))
+
+    async def _finish(self, running: Running, reason: str | None) -> Ended:
+        try:
+            ended = running.stored = running.stored or await running.ended
+        except WorldError as error:
+            await self._lose(running, str(error))
+            raise
+        state = ended.result["result_state"]
+        try:
+            stored = await in_thread(self._save, running.inspection_id, ended, state, reason)
+        except StoreError:
+            running.phase = "unsaved"
+            raise
+        self._retire(running, ended.full, stored)
+        return ended
+
+    def _save(self, inspection_id: str, ended: Ended, state: Any, reason: str | None) -> StoredInspection:
+        """In a thread: the result and its scores, then what became of the recording."""
+        facts = ended.recording
+        self._store.conclude_inspection(
+            inspection_id,
+            state,
+            verdict=ended.result["verdict"],
+            ended_ns=time.time_ns(),
+            result=ended.result,
+            scores=ended.scores,
+            reason=reason,
+        )
+        kept = "kept" if facts["bytes"] else "none"
+        stored = self._store.set_recording(inspection_id, kept, facts["bytes"], facts["note"])
+        self._on_stored(stored)
+        return stored
+
+    async def _lose(self, running: Running, why: str) -> None:
+        """The scorer is gone: what is on the disk stays, a verdict there is none."""
+        running.phase = "ending"
+        try:
+            stored = await in_thread(self._save_lost, running.inspection_id, why)
+        except StoreError as error:
+            # The next start of the service will find it in processing, and abort it.
+            self._log.error("inspection lost and not stored", **running.facts, why=why, error=str(error))
+            stored = None
+        self._retire(running, None, stored, why)
+
+    def _save_lost(self, inspection_id: str, why: str) -> StoredInspection:
+        """In a thread."""
+        self._store.conclude_inspection(
+            inspection_id, "failed", verdict=None, ended_ns=time.time_ns(), result=None, scores=None, reason=why
+        )
+        return self._keep_what_is_there(inspection_id)
+
+    def _keep_what_is_there(self, inspection_id: str) -> StoredInspection:
+        """In a thread: the recording of an inspection that nobody closed."""
+        path = self._folder.inspection(inspection_id)
+        size = path.stat().st_size if path.exists() else 0
+        return self._store.set_recording(inspection_id, "kept" if size else "none", size, _NOT_CLOSED)
+
+    def _retire(self, running: Running, full: bytes | None, stored: StoredInspection | None, why: str = "") -> None:
+        """It runs no more: all who listen are told, and it is remembered for a while."""
+        state = stored.state if stored else "failed"
+        reason = stored.reason if stored else why
+        kind = "verdict" if state == "completed" else "aborted"
+        running.tell_briefs()
+        running.leave(kind, full, reason)
+        self._running.pop(running.inspection_id, None)
+        self._ended[running.inspection_id] = running
+        while len(self._ended) > _REMEMBERED:
+            self._ended.popitem(last=False)
+        result = (stored.result if stored else None) or {}
+        verdict = stored.verdict if stored else None
+        facts = {name: result.get(name) for name in ("coverage", "frames_scored", "frames_dropped", "digest")}
+        names = running.facts | {"state": state, "verdict": verdict, "reason": reason}
+        self._metrics.ended.labels(running.product_id, state).inc()
+        if verdict is not None and state == "completed":
+            self._metrics.verdicts.labels(running.product_id, verdict).inc()
+        self._events.publish(kind, **names, **facts, deviations=result.get("deviations", []))
+        seconds = round(time.monotonic() - running.since, 3)
+        self._log.info("inspection", **names, **facts, seconds=seconds)
+
+    def _dropped(self) -> None:
+        self._dropped_at = time.monotonic()
+
+    def _no_capacity(self) -> str | None:
+        count = len(self._running) + self._beginning
+        if count >= self._max:
+            return f"{count} are running, {self._max} are allowed"
+        if time.monotonic() - self._dropped_at < _DROPPING_SECONDS:
+            return "frames of those that are running are being dropped"
+        return None
+
+    async def _tick(self) -> None:
+        """Once a second: what is idle is aborted, what could not be stored is tried again."""
+        while True:
+            await asyncio.sleep(_TICK_SECONDS)
+            now = time.monotonic()
+            for running in [*self._running.values()]:
+                idle = running.phase == "open" and not running.waiting and now - running.touched > self._idle_seconds
+                if running.phase == "open" and running.lost_because is not None:
+                    await self._lose(running, running.lost_because)
+                elif idle or running.phase == "unsaved":
+                    with suppress(WorldError):
+                        await self._end(running, reason=f"no frame came for {self._idle_seconds:g} s")
+
+    async def _tell(self) -> None:
+        """A few times a second: the latest scores for dashboards, and the state of the station when it changes."""
+        state = ""
+        while True:
+            await asyncio.sleep(_BRIEF_SECONDS)
+            for running in self._running.values():
+                running.tell_briefs()
+            if state != (state := self.state):
+                self._events.publish("station", state=state, running=len(self._running))
+
+    def _recover(self) -> None:
+        """In a thread, at start: what a crash left behind."""
+        self._store.abort_processing(time.time_ns(), "the service ended while the inspection was processing")
+        for left in self._store.recordings("being written"):
+            self._keep_what_is_there(left.inspection_id)
+
+    def _active(self) -> list[str]:
+        products = self._store.products(limit=200).items
+        recipes = [self._store.active_recipe(product.product_id) for product in products]
+        return [recipe.appearance_id for recipe in recipes if recipe is not None][:8]
+
+    def _keep(self, work: Any) -> asyncio.Task[Any]:
+        """A task that is not lost while it runs."""
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+
+async def in_thread(function: Callable[..., T], *arguments: Any, **named: Any) -> T:
+    """What blocks, away from the event loop."""
+    return await asyncio.to_thread(function, *arguments, **named)

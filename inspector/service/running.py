@@ -1,0 +1,282 @@
+"""One running inspection on the side of the service: what was accepted, what waits, and every message said of it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from inspector.errors import WorldError
+from inspector.protocol import SentFrame
+from inspector.scorers.pool import Scorer
+from inspector.scorers.wire import Head
+from inspector.service.events import Events
+from inspector.service.metrics import Metrics
+
+Phase = Literal["open", "ending", "unsaved", "ended"]
+Outcome = Literal["taken", "dropped", "duplicate"]
+
+
+class NotOpen(WorldError):
+    """Something is asked of an inspection that takes no more frames."""
+
+    def __init__(self, inspection_id: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} takes no more frames: it is being concluded, or has ended")
+
+
+class Busy(WorldError):
+    """A frame finds no room to wait; nothing has changed."""
+
+    retry_after = 1
+
+    def __init__(self, waiting: int) -> None:
+        super().__init__(f"{waiting} frames wait already; send this one again when one of them is answered")
+
+
+class TooManyFrames(WorldError):
+    """An inspection that is longer than allowed."""
+
+    def __init__(self, allowed: int) -> None:
+        super().__init__(f"the inspection has {allowed} frames, and no more are allowed; conclude it")
+
+
+class ScorerLost(WorldError):
+    """The process that scored an inspection is gone."""
+
+    def __init__(self, inspection_id: str, why: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} is lost: {why}; begin another one")
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """How much may wait, and how much there may be."""
+
+    window: int = 32
+    """Frames of one inspection that may be unanswered."""
+    waiting_bytes: int = 256 << 20
+    """Pictures of all inspections that wait."""
+    frames: int = 100_000
+    """Of one inspection."""
+
+
+@dataclass(frozen=True)
+class Around:
+    """What all running inspections share."""
+
+    bounds: Bounds
+    events: Events
+    metrics: Metrics
+    waiting_bytes: Callable[[], int]
+    """Of the pictures of all inspections that wait."""
+    on_drop: Callable[[], object]
+    """Called when a frame finds no room."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What the scorer made of it."""
+
+    result: Head
+    """Without frames."""
+    full: bytes
+    """With frames, as JSON."""
+    scores: bytes
+    recording: Head
+
+
+class Running:
+    """A `Listener` of its scorer. `messages` is the log that every connection reads at its own pace."""
+
+    def __init__(self, facts: Mapping[str, str], scorer: Scorer, around: Around) -> None:
+        self.facts = dict(facts)
+        """`inspection_id`, `product_id`, `part_id`, `recipe_id`, `appearance_id`."""
+        self.inspection_id, self.product_id = facts["inspection_id"], facts["product_id"]
+        self.phase: Phase = "open"
+        self.messages: list[bytes] = []
+        self.news = asyncio.Event()
+        self.next_sequence = 0
+        self.scored = 0
+        self.since = self.touched = time.monotonic()
+        self.lost_because: str | None = None
+        """Why it has no scorer any more."""
+        self.begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.ended: asyncio.Future[Ended] = asyncio.get_running_loop().create_future()
+        self.stored: Ended | None = None
+        self.connections = 0
+        """Counts the streams that were opened; the last one is the one that counts."""
+        self._scorer, self._around = scorer, around
+        self._first: int | None = None
+        self._received: dict[int, float] = {}
+        self._answers: dict[int, asyncio.Future[bytes]] = {}
+        self._briefs: list[object] = []
+        self._dropped = 0
+
+    @property
+    def waiting(self) -> int:
+        """Frames that were accepted and have no answer yet."""
+        return len(self._received)
+
+    @property
+    def lost(self) -> int:
+        """Frames that came or were announced, and were not scored."""
+        return 0 if self._first is None else self.next_sequence - self._first - self.scored
+
+    def begin(self, head: Head) -> None:
+        """Ask the scorer to make it ready; `begun` says when it is."""
+        self._scorer.ask(self, head)
+
+    def offer(self, sent: SentFrame) -> Outcome:
+        """Take a frame of a stream; one that finds no room is dropped, counted, and answered so.
+
+        The rule: what waits was here first. Raises NotOpen, TooManyFrames.
+        """
+        if self._old(sent):
+            return "duplicate"
+        why = self._no_room(len(sent.picture))
+        self._count(sent.sequence)
+        if why is None:
+            self._ask(sent)
+            return "taken"
+        self._scorer.ask(self, {"do": "drop", "id": self.inspection_id, "count": 1, "t_ns": sent.t_ns})
+        self._around.metrics.frames.labels(self.product_id, "dropped").inc()
+        self._dropped += 1
+        self._around.on_drop()
+        self.say({"kind": "dropped", "sequence": sent.sequence, "why": why})
+        return "dropped"
+
+    def offer_and_wait(self, sent: SentFrame) -> asyncio.Future[bytes] | None:
+        """Take a frame whose sender waits for the answer; None for one that came before.
+
+        Raises Busy, and then nothing has changed, NotOpen, TooManyFrames.
+        """
+        if self._old(sent):
+            return None
+        if self._no_room(len(sent.picture)) is not None:
+            raise Busy(self.waiting)
+        self._count(sent.sequence)
+        answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        self._answers[sent.sequence] = answer
+        self._ask(sent)
+        return answer
+
+    def end(self, *, stopped: bool = False, reason: str | None = None) -> None:
+        """No more frames; what waits is scored, then `ended` has the result."""
+        self.phase = "ending"
+        announced = 0 if self._first is None else self.next_sequence - self._first
+        head: Head = {"id": self.inspection_id, "announced": announced}
+        ask = {"do": "conclude", "stopped": stopped} if reason is None else {"do": "abort", "reason": reason}
+        self._scorer.ask(self, head | ask)
+
+    def say(self, message: Head) -> None:
+        """One more message for all connections."""
+        self._log(_json(message))
+
+    def leave(self, kind: str, full: bytes | None, reason: str | None) -> None:
+        """The last message; the scorer knows nothing of it any more."""
+        self.phase = "ended"
+        self._scorer.forget(self.inspection_id)
+        said = b'{"kind":%b,"reason":%b,"result":%b}' % (_json(kind), _json(reason), full or b"null")
+        self._log(said)
+
+    def tell_briefs(self) -> None:
+        """What was scored since the last time, as one event for all dashboards."""
+        if self._briefs or self._dropped:
+            frames, dropped, self._briefs, self._dropped = self._briefs, self._dropped, [], 0
+            self._around.events.publish("scores", **self._names(), frames=frames, dropped=dropped, lost=self.lost)
+
+    # What the scorer says.
+
+    def sent(self, head: Head) -> None:
+        received = self._received.get(head.get("sequence", -1))
+        if head["do"] == "frame" and received is not None:
+            self._around.metrics.stages.labels("wait").observe(time.perf_counter() - received)
+
+    def heard(self, head: Head, body: bytes) -> None:
+        if head["did"] == "frame":
+            self._hear_frame(head, body)
+        elif head["did"] == "begun":
+            _settle(self.begun, None)
+        elif head["did"] == "concluded":
+            size = head["json"]
+            _settle(self.ended, Ended(head["result"], body[:size], body[size:], head["recording"]))
+        else:
+            self.died(head["why"])
+
+    def died(self, why: str) -> None:
+        self.touched = time.monotonic()
+        self.lost_because = why
+        error = ScorerLost(self.inspection_id, why)
+        for waiting in (self.begun, self.ended, *self._answers.values()):
+            if not waiting.done():
+                waiting.set_exception(error)
+                # not everybody waits
+                waiting.exception()
+        self._answers.clear()
+        self._received.clear()
+
+    def _hear_frame(self, head: Head, body: bytes) -> None:
+        sequence = head["sequence"]
+        lines = body.split(b"\n")
+        self.touched = time.monotonic()
+        for kind, line in zip(head["kinds"], lines, strict=True):
+            if kind in ("deviation_opened", "deviation_closed", "early_ng"):
+                self._around.events.publish(kind, **self._names(), **_parsed(line))
+            self._log(line)
+        outcome = head["kinds"][0]
+        self._around.metrics.frames.labels(self.product_id, outcome).inc()
+        if outcome == "scored":
+            self.scored += 1
+            self._briefs.append(head["brief"])
+        for stage, seconds in head["took"].items():
+            self._around.metrics.stages.labels(stage).observe(seconds)
+        self._around.metrics.stages.labels("total").observe(time.perf_counter() - self._received.pop(sequence))
+        if answer := self._answers.pop(sequence, None):
+            _settle(answer, lines[0])
+
+    def _log(self, line: bytes) -> None:
+        self.messages.append(b'{"n":%d,%b' % (len(self.messages), line[1:]))
+        news, self.news = self.news, asyncio.Event()
+        news.set()
+
+    def _old(self, sent: SentFrame) -> bool:
+        self.touched = time.monotonic()
+        if self.phase != "open":
+            raise NotOpen(self.inspection_id)
+        if self.scored + self.waiting >= self._around.bounds.frames:
+            raise TooManyFrames(self._around.bounds.frames)
+        return sent.sequence < self.next_sequence
+
+    def _no_room(self, size: int) -> str | None:
+        if self.waiting >= self._around.bounds.window:
+            return f"{self.waiting} frames of this inspection waited already"
+        if self._around.waiting_bytes() + size > self._around.bounds.waiting_bytes:
+            return "the pictures of all inspections that wait leave no room for it"
+        return None
+
+    def _count(self, sequence: int) -> None:
+        self._first = sequence if self._first is None else self._first
+        self.next_sequence = sequence + 1
+
+    def _ask(self, sent: SentFrame) -> None:
+        self._received[sent.sequence] = time.perf_counter()
+        head = {"do": "frame", "id": self.inspection_id, "sequence": sent.sequence, "t_ns": sent.t_ns}
+        self._scorer.ask(self, head | {"encoder": sent.encoder}, sent.picture)
+
+    def _names(self) -> dict[str, str]:
+        return {"inspection_id": self.inspection_id, "product_id": self.product_id}
+
+
+def _settle(future: asyncio.Future[Any], value: object) -> None:
+    if not future.done():
+        future.set_result(value)
+
+
+def _json(message: object) -> bytes:
+    return json.dumps(message, separators=(",", ":")).encode()
+
+
+def _parsed(line: bytes) -> Head:
+    return {name: value for name, value in json.loads(line).items() if name != "kind"}
