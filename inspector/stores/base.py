@@ -172,6 +172,11 @@ class AbstractStore(ABC):
     `limit` the most that a page may hold. Every method raises StoreFailed where the database fails.
     """
 
+    @classmethod
+    @abstractmethod
+    def open(cls, url: str) -> Self:
+        """The store at the url. Raises StoreNotOpened, NewerStore."""
+
     # Products, sweeps, appearances.
 
     @abstractmethod
@@ -263,7 +268,7 @@ class AbstractStore(ABC):
         actor: str,
         t_ns: int,
     ) -> Recipe:
-        """A new version, and the entries `recipe.add` (and `recipe.activate`) of the audit trail, at once.
+        """A new version, and `recipe.add` in the audit trail: before is the active recipe, after the new one.
 
         Raises IdTaken, NoSuchProduct, NoSuchAppearance.
         """
@@ -281,7 +286,7 @@ class AbstractStore(ABC):
 
     @abstractmethod
     def recipes(self, product_id: str, after: int | None = None, limit: int = 50) -> Page[Recipe]:
-        """Those of a product; `after` is a version. Raises NoSuchProduct."""
+        """Those of a product. Raises NoSuchProduct."""
 
     @abstractmethod
     def active_recipe(self, product_id: str) -> Recipe | None:

@@ -1,0 +1,47 @@
+"""Requests that may come twice: who claims a key first does the work, all others get its answer."""
+
+from __future__ import annotations
+
+from sqlalchemy import delete, select, update
+
+from inspector.stores.records import Claim
+from inspector.stores.sql.database import insert_absent
+from inspector.stores.sql.room import Room
+from inspector.stores.sql.tables import CLAIMS
+
+
+class Claims(Room):
+    """Claims."""
+
+    def claim(self, scope: str, key: str, fingerprint: str, t_ns: int) -> Claim:
+        values = {"scope": scope, "key": key, "fingerprint": fingerprint, "t_ns": t_ns}
+        query = select(CLAIMS).where(CLAIMS.c.scope == scope, CLAIMS.c.key == key)
+        with self._database.writing() as connection:
+            while True:
+                if insert_absent(connection, CLAIMS, values) is not None:
+                    return Claim("new")
+                # None where it was released in between.
+                if (row := connection.execute(query).one_or_none()) is not None:
+                    break
+        if row.fingerprint != fingerprint:
+            return Claim("other")
+        return Claim("pending") if row.status is None else Claim("settled", row.status, row.body)
+
+    def settle(self, scope: str, key: str, status: int, body: bytes) -> None:
+        mine = (CLAIMS.c.scope == scope, CLAIMS.c.key == key)
+        with self._database.writing() as connection:
+            connection.execute(update(CLAIMS).where(*mine).values(status=status, body=body))
+
+    def release(self, scope: str, key: str) -> None:
+        mine = (CLAIMS.c.scope == scope, CLAIMS.c.key == key, CLAIMS.c.status.is_(None))
+        with self._database.writing() as connection:
+            connection.execute(delete(CLAIMS).where(*mine))
+
+    def release_pending_claims(self) -> int:
+        with self._database.writing() as connection:
+            return connection.execute(delete(CLAIMS).where(CLAIMS.c.status.is_(None))).rowcount
+
+    def forget_claims(self, before_ns: int) -> int:
+        old = (CLAIMS.c.status.is_not(None), CLAIMS.c.t_ns < before_ns)
+        with self._database.writing() as connection:
+            return connection.execute(delete(CLAIMS).where(*old)).rowcount

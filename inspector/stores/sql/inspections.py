@@ -1,0 +1,184 @@
+"""Inspections, their scores, and what became of their recordings."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from sqlalchemy import Connection, Row, insert, select, update
+
+from inspector.stores.base import AlreadyConcluded, NoSuchInspection, NoSuchRecipe, NotEnded
+from inspector.stores.records import (
+    Ended,
+    InspectionSource,
+    InspectionState,
+    Json,
+    Page,
+    RecordingState,
+    StoredInspection,
+    StoredRecording,
+)
+from inspector.stores.sql.database import found, insert_new, made, page
+from inspector.stores.sql.products import appearance_of
+from inspector.stores.sql.room import Room, product_row, row_by
+from inspector.stores.sql.tables import INSPECTIONS, PRODUCTS, RECIPES, SCORES
+
+_COLUMN = INSPECTIONS.c
+
+
+class Inspections(Room):
+    """Inspections, scores, recordings."""
+
+    def begin_inspection(
+        self,
+        inspection_id: str,
+        product_id: str,
+        *,
+        part_id: str | None,
+        recipe_id: str | None,
+        appearance_id: str,
+        policy: Json,
+        begun_ns: int,
+        source: InspectionSource = "live",
+        is_simulated: bool = False,
+        recording: RecordingState = "being written",
+    ) -> StoredInspection:
+        values = {
+            "inspection_id": inspection_id,
+            "product_id": product_id,
+            "part_id": part_id,
+            "recipe_id": recipe_id,
+            "appearance_id": appearance_id,
+            "policy": policy,
+            "state": "processing",
+            "is_simulated": is_simulated,
+            "source": source,
+            "begun_ns": begun_ns,
+            "recording": recording,
+        }
+        with self._database.writing() as connection:
+            product_row(connection, product_id)
+            appearance_of(connection, product_id, appearance_id)
+            if recipe_id is not None:
+                found(row_by(connection, RECIPES, "recipe_id", recipe_id), NoSuchRecipe, recipe_id)
+            return made(StoredInspection, insert_new(connection, INSPECTIONS, "inspection", inspection_id, values))
+
+    def conclude_inspection(
+        self,
+        inspection_id: str,
+        state: Ended,
+        *,
+        verdict: str | None,
+        ended_ns: int,
+        result: Json | None,
+        scores: bytes | None,
+        reason: str | None = None,
+    ) -> StoredInspection:
+        mine = _COLUMN.inspection_id == inspection_id
+        values = {"state": state, "verdict": verdict, "ended_ns": ended_ns, "result": result, "reason": reason}
+        ended = update(INSPECTIONS).where(mine, _COLUMN.state == "processing").values(values)
+        with self._database.writing() as connection:
+            row = connection.execute(ended.returning(INSPECTIONS)).one_or_none()
+            if row is None:
+                raise AlreadyConcluded(inspection_id, _inspection(connection, inspection_id).state)
+            if state == "completed" and verdict == "OK" and row.source == "live":
+                counted = (
+                    update(PRODUCTS)
+                    .where(PRODUCTS.c.product_id == row.product_id)
+                    .values(ok_count=PRODUCTS.c.ok_count + 1)
+                    .returning(PRODUCTS.c.ok_count)
+                )
+                numbered = update(INSPECTIONS).where(mine).values(ok_number=connection.execute(counted).scalar_one())
+                row = connection.execute(numbered.returning(INSPECTIONS)).one()
+            if scores is not None:
+                connection.execute(insert(SCORES).values(inspection_id=inspection_id, scores=scores))
+            return made(StoredInspection, row)
+
+    def acknowledge_inspection(self, inspection_id: str, t_ns: int) -> StoredInspection:
+        first = (
+            update(INSPECTIONS)
+            .where(
+                _COLUMN.inspection_id == inspection_id,
+                _COLUMN.state != "processing",
+                _COLUMN.acknowledged_ns.is_(None),
+            )
+            .values(acknowledged_ns=t_ns)
+        )
+        with self._database.writing() as connection:
+            connection.execute(first)
+            row = _inspection(connection, inspection_id)
+            if row.state == "processing":
+                raise NotEnded(inspection_id)
+            return made(StoredInspection, row)
+
+    def inspection(self, inspection_id: str) -> StoredInspection:
+        with self._database.reading() as connection:
+            return made(StoredInspection, _inspection(connection, inspection_id))
+
+    def inspections(
+        self,
+        *,
+        product_id: str | None = None,
+        verdict: str | None = None,
+        state: InspectionState | None = None,
+        source: InspectionSource | None = None,
+        after: int | None = None,
+        limit: int = 50,
+    ) -> Page[StoredInspection]:
+        asked = {"product_id": product_id, "verdict": verdict, "state": state, "source": source}
+        query = select(INSPECTIONS).where(
+            *(_COLUMN[name] == value for name, value in asked.items() if value is not None)
+        )
+        with self._database.reading() as connection:
+            return page(connection, query, StoredInspection, after, limit)
+
+    def scores(self, inspection_id: str) -> bytes | None:
+        with self._database.reading() as connection:
+            _inspection(connection, inspection_id)
+            query = select(SCORES.c.scores).where(SCORES.c.inspection_id == inspection_id)
+            return connection.execute(query).scalar_one_or_none()
+
+    def abort_processing(self, t_ns: int, why: str) -> tuple[str, ...]:
+        statement = (
+            update(INSPECTIONS)
+            .where(_COLUMN.state == "processing")
+            .values(state="aborted", ended_ns=t_ns, reason=why)
+            .returning(_COLUMN.inspection_id)
+        )
+        with self._database.writing() as connection:
+            return tuple(sorted(connection.execute(statement).scalars()))
+
+    def set_recording(
+        self, inspection_id: str, recording: RecordingState, bytes: int = 0, note: str | None = None
+    ) -> StoredInspection:
+        statement = (
+            update(INSPECTIONS)
+            .where(_COLUMN.inspection_id == inspection_id)
+            .values(recording=recording, recording_bytes=bytes, recording_note=note)
+            .returning(INSPECTIONS)
+        )
+        with self._database.writing() as connection:
+            row = connection.execute(statement).one_or_none()
+            return made(StoredInspection, found(row, NoSuchInspection, inspection_id))
+
+    def recordings(self, recording: RecordingState = "kept") -> tuple[StoredRecording, ...]:
+        query = (
+            select(
+                _COLUMN.inspection_id,
+                _COLUMN.number,
+                _COLUMN.product_id,
+                _COLUMN.state,
+                _COLUMN.verdict,
+                _COLUMN.source,
+                _COLUMN.ended_ns,
+                _COLUMN.ok_number,
+                _COLUMN.recording_bytes.label("bytes"),
+            )
+            .where(_COLUMN.recording == recording)
+            .order_by(_COLUMN.number)
+        )
+        with self._database.reading() as connection:
+            return tuple(made(StoredRecording, cast("Row[Any]", row)) for row in connection.execute(query))
+
+
+def _inspection(connection: Connection, inspection_id: str) -> Row[Any]:
+    return found(row_by(connection, INSPECTIONS, "inspection_id", inspection_id), NoSuchInspection, inspection_id)
