@@ -1,0 +1,55 @@
+"""create_app: the service as an ASGI application, made from its settings; nothing global."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import FastAPI
+
+from api import docs, errors, health
+from api.guard import Guard
+from api.schemas import Problem
+from inspector.service.service import Service
+from inspector.settings import Settings, read_settings
+
+ROUTERS = (
+    health.router,
+)  # fmt: skip
+ALWAYS: dict[int | str, dict[str, Any]] = {
+    401: {"model": Problem, "description": "A token is needed, or this one is not known."},
+    403: {"model": Problem, "description": "This token's role is not enough, or the request comes from elsewhere."},
+    422: {"model": Problem, "description": "Something in the request is not allowed."},
+}
+
+
+def create_app(settings: Settings | None = None, service: Service | None = None) -> FastAPI:
+    """The application. Its service starts with it, and stops with it, unless somebody does that before."""
+    service = service or Service(settings or read_settings())
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
+        await service.start()
+        try:
+            yield
+        finally:
+            await service.stop("the server ends")
+
+    app = FastAPI(
+        title="Sweep Inspector",
+        version=version("sweep-inspector"),
+        description="Learn one golden sweep, inspect every part after. Lists are newest first.",
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+    )
+    app.state.service = service
+    app.add_middleware(Guard, settings=service.settings, metrics=service.metrics)
+    errors.install(app)
+    for router in ROUTERS:
+        app.include_router(router, responses=ALWAYS if router is not health.router else None)
+    docs.install(app)
+    return app

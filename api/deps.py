@@ -1,0 +1,133 @@
+"""What routes ask for: the service, who asks, answers that are not sent or done twice."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import suppress
+from typing import Annotated, Any, ParamSpec, TypeVar
+
+from fastapi import Depends, Query
+from fastapi.concurrency import run_in_threadpool
+from fastapi.requests import HTTPConnection, Request
+from fastapi.responses import Response
+from pydantic import BaseModel
+from starlette.exceptions import HTTPException
+
+from api.schemas import Problem
+from inspector.service.access import Who
+from inspector.service.service import Service
+from inspector.settings import NAME
+from inspector.stores.records import Role
+
+P = ParamSpec("P")
+T = TypeVar("T")
+JSON = "application/json"
+MAX_KEY = 255
+"""Characters of an Idempotency-Key."""
+
+
+def service_of(connection: HTTPConnection) -> Service:
+    """The service that the app speaks for."""
+    return connection.app.state.service
+
+
+ServiceDep = Annotated[Service, Depends(service_of)]
+
+
+def _needs(role: Role) -> Callable[[HTTPConnection], Coroutine[Any, Any, Who]]:
+    async def who(connection: HTTPConnection) -> Who:
+        scheme, _, token = connection.headers.get("authorization", "").partition(" ")
+        shown = token.strip() if scheme.lower() == "bearer" and token.strip() else None
+        return await service_of(connection).access.who(shown, role)
+
+    return who
+
+
+Viewer = Annotated[Who, Depends(_needs("viewer"))]
+"""May look."""
+Operator = Annotated[Who, Depends(_needs("operator"))]
+"""May inspect."""
+Engineer = Annotated[Who, Depends(_needs("engineer"))]
+"""May learn, and change recipes."""
+Admin = Annotated[Who, Depends(_needs("admin"))]
+"""May give tokens."""
+
+After = Annotated[int | None, Query(ge=0, le=2**63 - 1, description="`next` of the page before.")]
+Limit = Annotated[int, Query(ge=1, le=200, description="The most that a page may hold.")]
+PRODUCT = f"^{NAME.pattern}$"
+"""What products may be called."""
+PART = r"^[^\x00-\x1f\x7f-\x9f\ud800-\udfff\u2028\u2029]{1,128}$"
+"""What parts may be called: 1 to 128 printable characters."""
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The problems that a route may answer with, for its documentation; those of every route are known."""
+    said = {
+        404: "There is no such thing.",
+        409: "Not possible now.",
+        413: "Too large.",
+        415: "The body is of a type that this route does not read.",
+        502: "The camera does not answer.",
+        503: "Not now: try again after the seconds in `Retry-After`.",
+        507: "The disk is full.",
+    }
+    return {status: {"model": Problem, "description": said[status]} for status in statuses}
+
+
+def tagged(request: Request, answer: BaseModel | bytes) -> Response:
+    """The answer, or 304 where who asks has it already; polling then costs a line."""
+    body = answer if isinstance(answer, bytes) else answer.model_dump_json().encode()
+    tag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Cache-Control": "private, no-cache"}
+    known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
+    if tag in known or "*" in known:
+        return Response(None, 304, headers)
+    return Response(body, 200, headers, JSON)
+
+
+def in_thread(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, T]:
+    """The work, beside the event loop: whatever asks the database or the disk."""
+    return run_in_threadpool(work, *args, **kwargs)
+
+
+Done = tuple[int, BaseModel]
+"""Status and answer."""
+
+
+async def once(
+    request: Request, service: Service, who: Who, do: Callable[[], Awaitable[Done]], body: bytes | None = None
+) -> Response:
+    """What `do` answers; where the request has an Idempotency-Key that was used before, what was answered then.
+
+    `body` stands for the body of the request where that was not read as a whole. Keys are each sender's own, and
+    remembered for a day. What failed is not remembered.
+    """
+    key = request.headers.get("idempotency-key")
+    if key is None:
+        return _answer(*await do())
+    if not (0 < len(key) <= MAX_KEY and key.isprintable()):
+        raise HTTPException(422, f"Idempotency-Key has {len(key)} characters; allowed are 1 to {MAX_KEY}, printable")
+    told = [request.method, request.url.path, request.url.query, request.headers.get("prefer", "")]
+    mark = hashlib.sha256("\0".join(told).encode() + b"\0" + (await request.body() if body is None else body))
+    claim = await in_thread(service.store.claim, who.actor, key, mark.hexdigest(), service.now_ns())
+    if claim.state == "settled":
+        return Response(claim.body, claim.status or 200, {"Idempotency-Replayed": "true"}, JSON)
+    if claim.state == "pending":
+        raise HTTPException(409, f"the request with Idempotency-Key {key!r} is being done", {"Retry-After": "1"})
+    if claim.state == "other":
+        raise HTTPException(422, f"Idempotency-Key {key!r} was used for another request; take a new one for each")
+    try:
+        status, answer = await do()
+        text = answer.model_dump_json().encode()
+        await in_thread(service.store.settle, who.actor, key, status, text)
+    except BaseException:
+        with suppress(Exception):
+            await asyncio.shield(in_thread(service.store.release, who.actor, key))
+        raise
+    return Response(text, status, media_type=JSON)
+
+
+def _answer(status: int, answer: BaseModel) -> Response:
+    return Response(answer.model_dump_json(), status, media_type=JSON)
