@@ -363,8 +363,10 @@ class AbstractStore(ABC):
         """The inspection, with what became of its recording. Raises NoSuchInspection."""
 
     @abstractmethod
-    def recordings(self, recording: RecordingState = "kept") -> tuple[StoredRecording, ...]:
-        """All recordings in that state, the oldest inspection first."""
+    def recordings(
+        self, recording: RecordingState = "kept", after: int | None = None, limit: int | None = None
+    ) -> tuple[StoredRecording, ...]:
+        """Those in that state, the oldest inspection first; all, or so many whose number is above `after`."""
 
     # Audit trail, tokens.
 

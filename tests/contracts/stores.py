@@ -369,6 +369,8 @@ class StoreContract(ABC):
         assert conclude(store, "replay").ok_number is None
         begin(store, "now")
         kept = store.recordings()
+        assert store.recordings("kept", limit=3) == kept[:3]
+        assert store.recordings("kept", kept[2].number, limit=3) == kept[3:]
         assert [each.inspection_id for each in kept] == ["i0", "i1", "i2", "i3"]
         assert [each.ok_number for each in kept] == [1, 1, None, 2]
         assert (kept[2].verdict, kept[2].bytes, kept[2].ended_ns, kept[2].source) == ("NG", 1002, NOW + 1, "live")

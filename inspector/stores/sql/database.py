@@ -68,7 +68,7 @@ def sentence(error: Exception) -> str:
 def made(kind: type[R], row: Row[Any]) -> R:
     """The record from the row's columns of the same names; lists become tuples."""
     values = row._mapping  # pyright: ignore[reportPrivateUsage]  # so named to leave the columns their names
-    return kind(**{name: _frozen(values[name]) for name in _names(kind)})
+    return kind(**{name: _frozen(values[name]) for name in names(kind)})
 
 
 def _frozen(value: Any) -> Any:
@@ -76,7 +76,8 @@ def _frozen(value: Any) -> Any:
 
 
 @cache
-def _names(kind: Any) -> tuple[str, ...]:
+def names(kind: Any) -> tuple[str, ...]:
+    """The fields of a record."""
     return tuple(field.name for field in fields(kind))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 from sqlalchemy import Connection, Row, insert, select, update
 
@@ -17,7 +17,7 @@ from inspector.stores.records import (
     StoredInspection,
     StoredRecording,
 )
-from inspector.stores.sql.database import found, insert_new, made, page
+from inspector.stores.sql.database import found, insert_new, made, names, page
 from inspector.stores.sql.products import appearance_of
 from inspector.stores.sql.room import Room, product_row, row_by
 from inspector.stores.sql.tables import INSPECTIONS, PRODUCTS, RECIPES, SCORES
@@ -160,24 +160,16 @@ class Inspections(Room):
             row = connection.execute(statement).one_or_none()
             return made(StoredInspection, found(row, NoSuchInspection, inspection_id))
 
-    def recordings(self, recording: RecordingState = "kept") -> tuple[StoredRecording, ...]:
-        query = (
-            select(
-                _COLUMN.inspection_id,
-                _COLUMN.number,
-                _COLUMN.product_id,
-                _COLUMN.state,
-                _COLUMN.verdict,
-                _COLUMN.source,
-                _COLUMN.ended_ns,
-                _COLUMN.ok_number,
-                _COLUMN.recording_bytes.label("bytes"),
-            )
-            .where(_COLUMN.recording == recording)
-            .order_by(_COLUMN.number)
-        )
+    def recordings(
+        self, recording: RecordingState = "kept", after: int | None = None, limit: int | None = None
+    ) -> tuple[StoredRecording, ...]:
+        size = _COLUMN.recording_bytes.label("bytes")
+        query = select(*(size if name == "bytes" else _COLUMN[name] for name in names(StoredRecording)))
+        query = query.where(_COLUMN.recording == recording).order_by(_COLUMN.number).limit(limit)
+        if after is not None:
+            query = query.where(_COLUMN.number > after)
         with self._database.reading() as connection:
-            return tuple(made(StoredRecording, cast("Row[Any]", row)) for row in connection.execute(query))
+            return tuple(made(StoredRecording, row) for row in connection.execute(query))
 
 
 def _inspection(connection: Connection, inspection_id: str) -> Row[Any]:

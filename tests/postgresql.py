@@ -1,0 +1,86 @@
+"""A throwaway PostgreSQL server of Debian's binaries, on a socket in a folder of its own, gone when the tests are."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import psycopg
+import pytest
+
+NEEDED = "INSPECTOR_TESTS_NEED_POSTGRESQL"
+"""Set where tests without PostgreSQL would prove too little: what would be skipped fails."""
+QUICKLY = {"fsync": "off", "full_page_writes": "off", "synchronous_commit": "off", "shared_buffers": "16MB"}
+"""Nothing here has to outlive the machine."""
+MADE = ["--no-sync", "--encoding=UTF8", "--locale=C"]
+
+
+@dataclass(frozen=True)
+class Server:
+    """A server that runs."""
+
+    folder: Path
+    """Of its socket: there is no port."""
+
+    def url(self, name: str = "postgres") -> str:
+        """Of a database on it."""
+        return f"postgresql://postgres@/{name}?host={self.folder}"
+
+    def new_database(self) -> str:
+        """The url of a new, empty one."""
+        name = f"d{uuid4().hex}"
+        with psycopg.connect(self.url(), autocommit=True) as connection:
+            connection.execute(f"CREATE DATABASE {name} STRATEGY file_copy".encode())
+        return self.url(name)
+
+
+def binaries() -> Path:
+    """Where the newest server's programs are; skips the test where there are none."""
+    found = [Path(path).parent for path in [shutil.which("initdb")] if path]
+    folders = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=lambda folder: int(folder.parent.name))
+    found += [folder for folder in reversed(folders) if (folder / "initdb").exists()]
+    if not found:
+        why = "there is no PostgreSQL; Debian and Ubuntu have it as `postgresql`"
+        pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)
+    return found[0]
+
+
+@contextmanager
+def server() -> Iterator[Server]:
+    """A server, from when it answers until the end."""
+    programs = binaries()
+    folder = Path(tempfile.mkdtemp(prefix="pg-"))
+    control = [programs / "pg_ctl", f"--pgdata={folder}/data", "--wait"]
+    options = " ".join(
+        ["-clisten_addresses=", f"-k{folder}", *(f"-c{name}={value}" for name, value in QUICKLY.items())]
+    )
+    try:
+        _run(folder, programs / "initdb", f"--pgdata={folder}/data", "--auth=trust", "--username=postgres", *MADE)
+        try:
+            _run(folder, *control, f"--log={folder}/log", f"--options={options}", "start")
+            yield Server(folder)
+        finally:
+            _run(folder, *control, "--mode=immediate", "stop")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _run(folder: Path, *command: str | Path) -> None:
+    """PostgreSQL refuses to be root: then it is `nobody`. What it says is in the folder: a pipe would stay open."""
+    account: dict[str, Any] = {}
+    if os.geteuid() == 0:
+        nobody = pwd.getpwnam("nobody")
+        os.chown(folder, nobody.pw_uid, nobody.pw_gid)
+        account = {"user": nobody.pw_uid, "group": nobody.pw_gid, "extra_groups": []}
+    with (folder / "said").open("w+") as said:
+        done = subprocess.run(command, cwd=folder, stdout=said, stderr=said, check=False, **account)
+    assert done.returncode == 0, (folder / "said").read_text()
