@@ -9,7 +9,7 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from api import docs, errors, health
+from api import docs, errors, events, health, inspections, stream
 from api.guard import Guard
 from api.schemas import Problem
 from inspector.service.service import Service
@@ -17,6 +17,9 @@ from inspector.settings import Settings, read_settings
 
 ROUTERS = (
     health.router,
+    inspections.router,
+    stream.router,
+    events.router,
 )  # fmt: skip
 ALWAYS: dict[int | str, dict[str, Any]] = {
     401: {"model": Problem, "description": "A token is needed, or this one is not known."},

@@ -36,11 +36,16 @@ def service_of(connection: HTTPConnection) -> Service:
 ServiceDep = Annotated[Service, Depends(service_of)]
 
 
+async def who_asks(connection: HTTPConnection, role: Role) -> Who:
+    """Who asks, by the token shown. Raises AccessRefused, RoleTooLow."""
+    scheme, _, token = connection.headers.get("authorization", "").partition(" ")
+    shown = token.strip() if scheme.lower() == "bearer" and token.strip() else None
+    return await service_of(connection).access.who(shown, role)
+
+
 def _needs(role: Role) -> Callable[[HTTPConnection], Coroutine[Any, Any, Who]]:
     async def who(connection: HTTPConnection) -> Who:
-        scheme, _, token = connection.headers.get("authorization", "").partition(" ")
-        shown = token.strip() if scheme.lower() == "bearer" and token.strip() else None
-        return await service_of(connection).access.who(shown, role)
+        return await who_asks(connection, role)
 
     return who
 
@@ -58,7 +63,7 @@ After = Annotated[int | None, Query(ge=0, le=2**63 - 1, description="`next` of t
 Limit = Annotated[int, Query(ge=1, le=200, description="The most that a page may hold.")]
 PRODUCT = f"^{NAME.pattern}$"
 """What products may be called."""
-PART = r"^[^\x00-\x1f\x7f-\x9f\ud800-\udfff\u2028\u2029]{1,128}$"
+PART = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]{1,128}$"
 """What parts may be called: 1 to 128 printable characters."""
 
 
@@ -68,7 +73,9 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         404: "There is no such thing.",
         409: "Not possible now.",
         413: "Too large.",
+        410: "It was there, and is not any more.",
         415: "The body is of a type that this route does not read.",
+        500: "What it needs is lost or damaged.",
         502: "The camera does not answer.",
         503: "Not now: try again after the seconds in `Retry-After`.",
         507: "The disk is full.",
@@ -78,7 +85,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 def tagged(request: Request, answer: BaseModel | bytes) -> Response:
     """The answer, or 304 where who asks has it already; polling then costs a line."""
-    body = answer if isinstance(answer, bytes) else answer.model_dump_json().encode()
+    body = _text(answer)
     tag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
     headers = {"ETag": tag, "Cache-Control": "private, no-cache"}
     known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
@@ -92,7 +99,7 @@ def in_thread(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Corout
     return run_in_threadpool(work, *args, **kwargs)
 
 
-Done = tuple[int, BaseModel]
+Done = tuple[int, BaseModel] | tuple[int, bytes]
 """Status and answer."""
 
 
@@ -120,7 +127,7 @@ async def once(
         raise HTTPException(422, f"Idempotency-Key {key!r} was used for another request; take a new one for each")
     try:
         status, answer = await do()
-        text = answer.model_dump_json().encode()
+        text = _text(answer)
         await in_thread(service.store.settle, who.actor, key, status, text)
     except BaseException:
         with suppress(Exception):
@@ -129,5 +136,9 @@ async def once(
     return Response(text, status, media_type=JSON)
 
 
-def _answer(status: int, answer: BaseModel) -> Response:
-    return Response(answer.model_dump_json(), status, media_type=JSON)
+def _answer(status: int, answer: BaseModel | bytes) -> Response:
+    return Response(_text(answer), status, media_type=JSON)
+
+
+def _text(answer: BaseModel | bytes) -> bytes:
+    return answer if isinstance(answer, bytes) else answer.model_dump_json().encode()

@@ -31,8 +31,8 @@ from inspector.scores_json import ScoresUnreadable
 from inspector.service.access import AccessRefused, RoleTooLow
 from inspector.service.events import TooManyListeners
 from inspector.service.folder import FolderInUse, FolderRefused, NoFileId
-from inspector.service.inspections import AtCapacity, NoRecipe, Stopping
-from inspector.service.running import Busy, NotOpen, ScorerLost, TooManyFrames
+from inspector.service.inspections import AtCapacity, NoRecipe, NotConcluded, RecordingGone, Stopping
+from inspector.service.running import Busy, NotOpen, OutOfOrder, ScorerLost, TooManyFrames
 from inspector.settings import SettingRefused
 from inspector.stores.base import NoSuch, StoreConflict
 from models.errors import AppearanceError, InspectionError, NumericError
@@ -73,6 +73,9 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     StoreConflict: Kind(409, "Not possible now"),
     NotOpen: Kind(409, "Takes no more frames"),
     TooManyFrames: Kind(409, "Too many frames"),
+    OutOfOrder: Kind(409, "Too late"),
+    NotConcluded: Kind(409, "Not concluded"),
+    RecordingGone: Kind(410, "No recording"),
     NoRecipe: Kind(409, "No active recipe"),
     PictureTooLarge: Kind(413, "Picture too large"),
     PictureUnreadable: Kind(422, "Picture not readable"),

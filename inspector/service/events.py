@@ -10,13 +10,15 @@ import asyncio
 import json
 from collections import deque
 from collections.abc import AsyncIterator, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from uuid import uuid4
 
 from inspector.errors import WorldError
 
 _REMEMBERED = 4096
+_QUIET_SECONDS = 15.0
+"""After so long without an event, listeners are told that nothing happened."""
 
 
 class TooManyListeners(WorldError):
@@ -74,19 +76,26 @@ class Events:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(lambda: self.publish(kind, **facts))
 
+    def check_room(self) -> None:
+        """Raises TooManyListeners where there is no room for one more."""
+        if self.listeners >= self._max:
+            raise TooManyListeners(self._max)
+
     @contextmanager
     def listening(self) -> Generator[None]:
         """One listener more, while this lasts. Raises TooManyListeners."""
-        if self.listeners >= self._max:
-            raise TooManyListeners(self._max)
+        self.check_room()
         self.listeners += 1
         try:
             yield
         finally:
             self.listeners -= 1
 
-    async def since(self, last_id: str | None) -> AsyncIterator[Event]:
-        """What was told after that id, then what is told from now on; without an id only the latter."""
+    async def since(self, last_id: str | None) -> AsyncIterator[Event | None]:
+        """What was told after that id, then what is told from now on; without an id only the latter.
+
+        None where nothing happened for a while.
+        """
         at, known = self._place(last_id)
         if not known:
             yield Event(f"{self._boot}-{at - 1}", "missed", json.dumps({"last_id": last_id}))
@@ -100,7 +109,10 @@ class Events:
                 yield self._events[at - oldest]
                 at += 1
             else:
-                await news.wait()
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(news.wait(), _QUIET_SECONDS)
+                    continue
+                yield None
 
     def _place(self, last_id: str | None) -> tuple[int, bool]:
         """The number to go on with, and whether nothing is missing before it."""

@@ -3,7 +3,9 @@
 inspector.errors.WorldError
 ├── AtCapacity               one inspection more than can be scored in time
 ├── Stopping                 the service takes nothing new: it is being stopped
-└── NoRecipe                 a product without an active recipe
+├── NoRecipe                 a product without an active recipe
+├── NotConcluded             a result that is not there yet
+└── RecordingGone            a recording that is not there any more
 (and what running.py raises)
 """
 
@@ -33,8 +35,8 @@ from models.verdict import Policy
 T = TypeVar("T")
 _BRIEF_SECONDS = 0.25
 _TICK_SECONDS = 1.0
-_DROPPING_SECONDS = 2.0
-"""For so long after a drop there is no capacity for one more inspection."""
+_FULL = 0.9
+"""Share of a scorer's time that running inspections may need; the rest is for begin, conclude and what is uneven."""
 _NOT_CLOSED = "not closed properly: the last second may be missing"
 _REMEMBERED = 64
 """Inspections whose messages are kept after their end, for connections that break just then."""
@@ -65,6 +67,20 @@ class NoRecipe(WorldError):
         super().__init__(f"product {product_id!r} has no active recipe: learn an appearance, and make a recipe of it")
 
 
+class NotConcluded(WorldError):
+    """A result that is not there yet."""
+
+    def __init__(self, inspection_id: str, what: str = "result") -> None:
+        super().__init__(f"inspection {inspection_id!r} is processing; there is a {what} when it is concluded")
+
+
+class RecordingGone(WorldError):
+    """A recording that is not there any more."""
+
+    def __init__(self, inspection_id: str, why: str | None) -> None:
+        super().__init__(f"there is no recording of inspection {inspection_id!r}: {why or 'no frame came'}")
+
+
 class Inspections:
     """All inspections that run in this process. Used from the event loop; the store is asked in threads."""
 
@@ -86,11 +102,10 @@ class Inspections:
         self.stopping = False
         self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
         self._max, self._idle_seconds, self._on_stored = max_inspections, idle_seconds, on_stored
-        self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes, self._dropped)
+        self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes)
         self._running: dict[str, Running] = {}
         self._ended: OrderedDict[str, Running] = OrderedDict()
         self._beginning = 0
-        self._dropped_at = -_DROPPING_SECONDS
         self._tasks: set[asyncio.Task[Any]] = set()
         self._log = structlog.get_logger("inspector")
 
@@ -321,15 +336,16 @@ class Inspections:
         seconds = round(time.monotonic() - running.since, 3)
         self._log.info("inspection", **names, **facts, seconds=seconds)
 
-    def _dropped(self) -> None:
-        self._dropped_at = time.monotonic()
-
     def _no_capacity(self) -> str | None:
         count = len(self._running) + self._beginning
         if count >= self._max:
             return f"{count} are running, {self._max} are allowed"
-        if time.monotonic() - self._dropped_at < _DROPPING_SECONDS:
-            return "frames of those that are running are being dropped"
+        needed = dict.fromkeys(self.pool.scorers, 0.0)
+        for running in self._running.values():
+            needed[running.scorer] += running.load.share
+        one_more = max((running.load.share for running in self._running.values()), default=0.0)
+        if count and min(needed.values()) + one_more > _FULL:
+            return f"the {count} that are running need {sum(needed.values()) / len(needed):.0%} of the scorers' time"
         return None
 
     async def _tick(self) -> None:

@@ -43,6 +43,13 @@ class TooManyFrames(WorldError):
         super().__init__(f"the inspection has {allowed} frames, and no more are allowed; conclude it")
 
 
+class OutOfOrder(WorldError):
+    """A frame whose number is not above all before, and that never came."""
+
+    def __init__(self, sequence: int, wanted: int) -> None:
+        super().__init__(f"frame {sequence} comes too late: the next number is {wanted} or higher")
+
+
 class ScorerLost(WorldError):
     """The process that scored an inspection is gone."""
 
@@ -71,8 +78,36 @@ class Around:
     metrics: Metrics
     waiting_bytes: Callable[[], int]
     """Of the pictures of all inspections that wait."""
-    on_drop: Callable[[], object]
-    """Called when a frame finds no room."""
+
+
+class Load:
+    """How much of a scorer's time an inspection needs to keep up with its camera, by the frames' own clock.
+
+    A recording that is pushed as fast as it goes needs no more than the camera that made it.
+    """
+
+    def __init__(self) -> None:
+        self._work = self._interval = 0.0
+        self._last: int | None = None
+
+    @property
+    def share(self) -> float:
+        """Seconds of work per second, 0 until it is known."""
+        return self._work / self._interval if self._interval > 0 else 0.0
+
+    def came(self, t_ns: int) -> None:
+        """A frame of that time was sent."""
+        if self._last is not None and t_ns > self._last:
+            self._interval = _mean(self._interval, (t_ns - self._last) / 1e9)
+        self._last = t_ns
+
+    def took(self, seconds: float) -> None:
+        """A frame was decoded, scored and recorded."""
+        self._work = _mean(self._work, seconds)
+
+
+def _mean(so_far: float, value: float) -> float:
+    return value if so_far == 0 else so_far + (value - so_far) / 16
 
 
 @dataclass(frozen=True)
@@ -105,12 +140,19 @@ class Running:
         self.begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.ended: asyncio.Future[Ended] = asyncio.get_running_loop().create_future()
         self.stored: Ended | None = None
+        self.load = Load()
         self.connections = 0
         """Counts the streams that were opened; the last one is the one that counts."""
-        self._scorer, self._around = scorer, around
+        self.scorer, self._around = scorer, around
         self._first: int | None = None
+        self.keys: dict[str, int] = {}
+        """The sequence that an Idempotency-Key was used for."""
         self._received: dict[int, float] = {}
         self._answers: dict[int, asyncio.Future[bytes]] = {}
+        self._said: dict[int, int] = {}
+        """Where in `messages` the answer to a frame is, by its sequence."""
+        self._scored_at: list[int] = []
+        """Where in `messages` the scored frames are, by their index."""
         self._briefs: list[object] = []
         self._dropped = 0
 
@@ -126,7 +168,7 @@ class Running:
 
     def begin(self, head: Head) -> None:
         """Ask the scorer to make it ready; `begun` says when it is."""
-        self._scorer.ask(self, head)
+        self.scorer.ask(self, head)
 
     def offer(self, sent: SentFrame) -> Outcome:
         """Take a frame of a stream; one that finds no room is dropped, counted, and answered so.
@@ -136,31 +178,48 @@ class Running:
         if self._old(sent):
             return "duplicate"
         why = self._no_room(len(sent.picture))
-        self._count(sent.sequence)
+        self._count(sent)
         if why is None:
             self._ask(sent)
             return "taken"
-        self._scorer.ask(self, {"do": "drop", "id": self.inspection_id, "count": 1, "t_ns": sent.t_ns})
+        self.scorer.ask(self, {"do": "drop", "id": self.inspection_id, "count": 1, "t_ns": sent.t_ns})
         self._around.metrics.frames.labels(self.product_id, "dropped").inc()
         self._dropped += 1
-        self._around.on_drop()
-        self.say({"kind": "dropped", "sequence": sent.sequence, "why": why})
+        self._said[sent.sequence] = len(self.messages)
+        self._log(_json({"kind": "dropped", "sequence": sent.sequence, "why": why}))
         return "dropped"
 
-    def offer_and_wait(self, sent: SentFrame) -> asyncio.Future[bytes] | None:
-        """Take a frame whose sender waits for the answer; None for one that came before.
+    async def offer_and_wait(self, sent: SentFrame) -> bytes:
+        """Take a frame, or know one that came before, and wait for the answer.
 
-        Raises Busy, and then nothing has changed, NotOpen, TooManyFrames.
+        Raises Busy, and then nothing has changed, NotOpen, TooManyFrames, OutOfOrder, ScorerLost.
         """
+        return await asyncio.shield(self._answer(sent))
+
+    def _answer(self, sent: SentFrame) -> asyncio.Future[bytes]:
+        if sent.sequence in self._answers:
+            return self._answers[sent.sequence]
+        if sent.sequence in self._said:
+            answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+            answer.set_result(self.messages[self._said[sent.sequence]])
+            return answer
         if self._old(sent):
-            return None
+            raise OutOfOrder(sent.sequence, self.next_sequence)
         if self._no_room(len(sent.picture)) is not None:
             raise Busy(self.waiting)
-        self._count(sent.sequence)
-        answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        self._answers[sent.sequence] = answer
+        self._count(sent)
+        answer = self._answers[sent.sequence] = asyncio.get_running_loop().create_future()
         self._ask(sent)
         return answer
+
+    def scores_after(self, index: int, limit: int) -> list[bytes]:
+        """The `scored` messages with a higher index, the oldest first."""
+        return [self.messages[at] for at in self._scored_at[index + 1 : index + 1 + limit]]
+
+    def wake(self) -> None:
+        """All connections look at what there is to say."""
+        news, self.news = self.news, asyncio.Event()
+        news.set()
 
     def end(self, *, stopped: bool = False, reason: str | None = None) -> None:
         """No more frames; what waits is scored, then `ended` has the result."""
@@ -168,16 +227,12 @@ class Running:
         announced = 0 if self._first is None else self.next_sequence - self._first
         head: Head = {"id": self.inspection_id, "announced": announced}
         ask = {"do": "conclude", "stopped": stopped} if reason is None else {"do": "abort", "reason": reason}
-        self._scorer.ask(self, head | ask)
-
-    def say(self, message: Head) -> None:
-        """One more message for all connections."""
-        self._log(_json(message))
+        self.scorer.ask(self, head | ask)
 
     def leave(self, kind: str, full: bytes | None, reason: str | None) -> None:
         """The last message; the scorer knows nothing of it any more."""
         self.phase = "ended"
-        self._scorer.forget(self.inspection_id)
+        self.scorer.forget(self.inspection_id)
         said = b'{"kind":%b,"reason":%b,"result":%b}' % (_json(kind), _json(reason), full or b"null")
         self._log(said)
 
@@ -221,6 +276,7 @@ class Running:
         sequence = head["sequence"]
         lines = body.split(b"\n")
         self.touched = time.monotonic()
+        self._said[sequence] = len(self.messages)
         for kind, line in zip(head["kinds"], lines, strict=True):
             if kind in ("deviation_opened", "deviation_closed", "early_ng"):
                 self._around.events.publish(kind, **self._names(), **_parsed(line))
@@ -229,17 +285,18 @@ class Running:
         self._around.metrics.frames.labels(self.product_id, outcome).inc()
         if outcome == "scored":
             self.scored += 1
+            self._scored_at.append(self._said[sequence])
             self._briefs.append(head["brief"])
+        self.load.took(sum(head["took"].values()))
         for stage, seconds in head["took"].items():
             self._around.metrics.stages.labels(stage).observe(seconds)
         self._around.metrics.stages.labels("total").observe(time.perf_counter() - self._received.pop(sequence))
         if answer := self._answers.pop(sequence, None):
-            _settle(answer, lines[0])
+            _settle(answer, self.messages[self._said[sequence]])
 
     def _log(self, line: bytes) -> None:
         self.messages.append(b'{"n":%d,%b' % (len(self.messages), line[1:]))
-        news, self.news = self.news, asyncio.Event()
-        news.set()
+        self.wake()
 
     def _old(self, sent: SentFrame) -> bool:
         self.touched = time.monotonic()
@@ -256,14 +313,15 @@ class Running:
             return "the pictures of all inspections that wait leave no room for it"
         return None
 
-    def _count(self, sequence: int) -> None:
-        self._first = sequence if self._first is None else self._first
-        self.next_sequence = sequence + 1
+    def _count(self, sent: SentFrame) -> None:
+        self.load.came(sent.t_ns)
+        self._first = sent.sequence if self._first is None else self._first
+        self.next_sequence = sent.sequence + 1
 
     def _ask(self, sent: SentFrame) -> None:
         self._received[sent.sequence] = time.perf_counter()
         head = {"do": "frame", "id": self.inspection_id, "sequence": sent.sequence, "t_ns": sent.t_ns}
-        self._scorer.ask(self, head | {"encoder": sent.encoder}, sent.picture)
+        self.scorer.ask(self, head | {"encoder": sent.encoder}, sent.picture)
 
     def _names(self) -> dict[str, str]:
         return {"inspection_id": self.inspection_id, "product_id": self.product_id}

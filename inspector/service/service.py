@@ -10,8 +10,11 @@ import structlog
 
 from inspector import stores
 from inspector.service.access import Access
+from inspector.service.events import Events
 from inspector.service.folder import DataFolder
+from inspector.service.inspections import Inspections
 from inspector.service.metrics import Metrics
+from inspector.service.running import Bounds
 from inspector.settings import Settings
 from inspector.stores import AbstractStore
 from models.errors import InspectionError
@@ -27,10 +30,12 @@ class Service:
     folder: DataFolder
     store: AbstractStore
     access: Access
+    inspections: Inspections
 
     def __init__(self, settings: Settings, now_ns: Callable[[], int] = time.time_ns) -> None:
         self.settings, self.now_ns = settings, now_ns
         self.metrics = Metrics()
+        self.events = Events(settings.max_subscribers)
         self.started = False
         self.stopping = asyncio.Event()
         """Set when the service begins to stop: whoever holds a connection open lets go."""
@@ -45,7 +50,24 @@ class Service:
         except BaseException:
             self.folder.close()
             raise
+        self.events.start()
+        self.inspections = self._inspections()
+        await self.inspections.start()
         self.started = True
+
+    def _inspections(self) -> Inspections:
+        settings = self.settings
+        return Inspections(
+            self.store,
+            self.folder,
+            self.events,
+            self.metrics,
+            scorers=settings.scorers,
+            max_inspections=settings.max_inspections,
+            max_pixels=settings.max_pixels,
+            bounds=Bounds(settings.window, frames=settings.max_frames),
+            idle_seconds=settings.idle_seconds,
+        )
 
     def _open(self) -> None:
         store: AbstractStore = stores.open_store(self.settings.database_url)  # pyright: ignore
@@ -61,7 +83,9 @@ class Service:
         """A sentence for each thing that keeps the service from its work."""
         if not self.started:
             return ["the service does not run"]
-        return await asyncio.to_thread(self._troubles)
+        dead = [scorer for scorer in self.inspections.pool.scorers if not scorer.alive]
+        lame = [f"{len(dead)} of {self.settings.scorers} processes that score are being started again"] if dead else []
+        return [*await asyncio.to_thread(self._troubles), *lame]
 
     def _troubles(self) -> list[str]:
         said: list[str] = []
@@ -79,6 +103,8 @@ class Service:
         self.started = False
         self.stopping.set()
         log.info("stopping", why=why)
+        await self.inspections.stop()
+        self.events.close()
         await asyncio.to_thread(self._close)
 
     def _close(self) -> None:

@@ -1,0 +1,53 @@
+"""What happens, as server-sent events: for dashboards, which read at their own pace and hold up nobody."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator
+from functools import lru_cache
+from typing import Annotated
+
+from fastapi import APIRouter, Header
+from fastapi.responses import Response, StreamingResponse
+from fastapi.sse import format_sse_event
+
+from api.deps import ServiceDep, Viewer, problems
+from inspector.service.events import Event
+from inspector.service.service import Service
+
+router = APIRouter(prefix="/v1", tags=["events"])
+QUIET = b": nothing happened\n\n"
+
+
+@router.get(
+    "/events",
+    response_class=StreamingResponse,
+    responses=problems(503) | {200: {"content": {"text/event-stream": {}}, "description": "Events, without end."}},
+)
+async def events(
+    service: ServiceDep,
+    who: Viewer,
+    last_event_id: Annotated[str | None, Header(max_length=64)] = None,
+) -> Response:
+    """Everything that happens from now on, or since `Last-Event-ID`.
+
+    `begun`, `scores` (four times a second: [index, s, score, state] of each frame, and the drops), `deviation_opened`,
+    `deviation_closed`, `early_ng`, `verdict`, `aborted`, `station`, `job`; `missed` where some are lost: read the
+    lists again.
+    """
+    service.events.check_room()
+    return StreamingResponse(
+        _told(service, last_event_id), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+    )
+
+
+async def _told(service: Service, last_id: str | None) -> AsyncGenerator[bytes]:
+    with service.events.listening():
+        yield format_sse_event(retry=1000, comment="events follow")
+        async for event in service.events.since(last_id):
+            yield QUIET if event is None else _formatted(event)
+
+
+@lru_cache(maxsize=64)
+def _formatted(event: Event) -> bytes:
+    """The same bytes for every listener."""
+    return format_sse_event(data_str=event.data, event=event.kind, id=event.id)

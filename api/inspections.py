@@ -1,0 +1,318 @@
+"""Inspections: begun, fed a picture at a time, concluded; and everything that was said of them, again and again."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Path, Query
+from fastapi.requests import Request
+from fastapi.responses import FileResponse, Response
+from pydantic import BaseModel, Field
+
+from api.deps import JSON, PART, PRODUCT, After, Limit, Operator, ServiceDep, Viewer, in_thread, once, problems, tagged
+from api.errors import WrongType, problem
+from api.schemas import Asked
+from inspector.protocol import SentFrame
+from inspector.result_json import frame_records
+from inspector.scores_json import scores_from_bytes
+from inspector.service.inspections import NotConcluded, RecordingGone
+from inspector.service.running import Running
+from inspector.service.service import Service
+from inspector.stores.records import InspectionSource, InspectionState, StoredInspection
+
+router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
+PICTURES = ("image/jpeg", "image/png", "image/webp", "image/bmp", "image/tiff")
+MAX_SCORES = 10_000
+Id = Annotated[str, Path(max_length=64, description="Of the inspection.")]
+
+
+class Begin(Asked):
+    """A part comes."""
+
+    product_id: Annotated[str, Field(pattern=PRODUCT)]
+    part_id: Annotated[str, Field(pattern=PART)]
+    """The serial number."""
+    recipe_id: str | None = None
+    """None for the active one."""
+
+
+class Begun(BaseModel):
+    """Ready for frames."""
+
+    inspection_id: str
+    product_id: str
+    part_id: str | None
+    recipe_id: str | None
+    appearance_id: str
+    credits: int
+    """Frames that may be unanswered."""
+
+
+class Conclude(Asked):
+    """The sweep is over."""
+
+    stopped: bool = False
+    """The line broke it off because NG was certain: it is NG, not INCOMPLETE."""
+
+
+class Abort(Asked):
+    """The sweep will not be finished."""
+
+    reason: Annotated[str, Field(min_length=1, max_length=200)] = "aborted by the line"
+
+
+class Inspection(BaseModel):
+    """What is known of an inspection, without its frames."""
+
+    inspection_id: str
+    number: int
+    """Increases with every inspection begun."""
+    product_id: str
+    part_id: str | None
+    recipe_id: str | None
+    appearance_id: str
+    state: InspectionState
+    verdict: str | None
+    reason: str | None
+    """Why it was aborted, or failed."""
+    is_simulated: bool
+    source: InspectionSource
+    begun_ns: int
+    ended_ns: int | None
+    acknowledged_ns: int | None
+    coverage: float | None
+    frames_scored: int | None
+    """So far, where it is processing."""
+    frames_dropped: int | None
+    digest: str | None
+    recording: str
+    """`being written`, `kept`, `none`, `removed`."""
+    recording_note: str | None
+    next_sequence: int | None
+    """The number that the next frame may have, where it is processing here."""
+
+
+class InspectionPage(BaseModel):
+    """Part of the list, newest first."""
+
+    items: list[Inspection]
+    next: int | None
+
+
+class Scores(BaseModel):
+    """Scored frames, the oldest first, by the names of a result."""
+
+    items: list[dict[str, Any]]
+    next: int
+    """Ask with `after` set to this for what follows."""
+    state: InspectionState
+
+
+@router.post("", status_code=201, response_model=Begun, responses=problems(404, 409, 503))
+async def begin(request: Request, asked: Begin, service: ServiceDep, who: Operator) -> Response:
+    """Open an inspection of a part. 503 with `Retry-After` where one more could not be scored in time."""
+
+    async def do() -> tuple[int, BaseModel]:
+        begun = await service.inspections.begin(asked.product_id, asked.part_id, asked.recipe_id)
+        names = ("inspection_id", "product_id", "part_id", "recipe_id", "appearance_id")
+        return 201, Begun(**{name: getattr(begun, name) for name in names}, credits=service.settings.window)
+
+    return await once(request, service, who, do)
+
+
+@router.post(
+    "/{inspection_id}/frames",
+    responses=problems(404, 409, 413, 415, 500, 503) | {200: {"description": "The scored frame."}},
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in PICTURES},
+        }
+    },
+)
+async def frame(
+    *,
+    request: Request,
+    inspection_id: Id,
+    service: ServiceDep,
+    who: Operator,
+    t_ns: Annotated[int | None, Query(ge=0, lt=2**63, description="Time of exposure, ns since the epoch.")] = None,
+    t_ns_header: Annotated[int | None, Header(alias="t-ns", ge=0, lt=2**63)] = None,
+    sequence: Annotated[
+        int | None, Query(ge=0, lt=2**32, description="Counts the camera's frames; a gap is a lost frame.")
+    ] = None,
+    encoder: Annotated[float | None, Query(allow_inf_nan=False, description="Position of robot or conveyor.")] = None,
+    idempotency_key: Annotated[str | None, Header(max_length=255)] = None,
+) -> Response:
+    """One picture; the answer is its score. Usual are the time of arrival as `t_ns`, and the next number as `sequence`.
+
+    A frame that is sent again, with the same sequence or Idempotency-Key, gets the same answer and is not scored twice.
+    503 where too many wait: nothing has changed, send it again. 422 for what is no picture of the learnt kind: it
+    counts as dropped.
+    """
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind not in PICTURES:
+        raise WrongType(kind, ", ".join(PICTURES))
+    picture = await request.body()
+    running = await service.inspections.open(inspection_id)
+    number = sequence if sequence is not None else running.keys.get(idempotency_key or "", running.next_sequence)
+    if idempotency_key is not None:
+        running.keys.setdefault(idempotency_key, number)
+    at = next((each for each in (t_ns, t_ns_header) if each is not None), service.now_ns())
+    answer = await running.offer_and_wait(SentFrame(number, at, encoder, picture))
+    said = json.loads(answer)
+    if said["kind"] == "refused":
+        return problem(422, "Picture not usable", said["why"], type="refused", sequence=number)
+    if said["kind"] == "dropped":
+        return problem(409, "Dropped", said["why"], type="dropped", sequence=number)
+    return Response(answer, media_type=JSON)
+
+
+@router.post(
+    "/{inspection_id}/conclude", responses=problems(404, 409, 500, 503) | {200: {"description": "The result."}}
+)
+async def conclude(
+    *, request: Request, inspection_id: Id, service: ServiceDep, who: Operator, asked: Conclude | None = None
+) -> Response:
+    """The result, stored before it is told. It can be read again at any time."""
+
+    async def do() -> tuple[int, bytes]:
+        return 200, await service.inspections.conclude(inspection_id, stopped=bool(asked and asked.stopped))
+
+    return await once(request, service, who, do)
+
+
+@router.post("/{inspection_id}/abort", responses=problems(404, 409, 500, 503) | {200: {"description": "The result."}})
+async def abort(
+    *, request: Request, inspection_id: Id, service: ServiceDep, who: Operator, asked: Abort | None = None
+) -> Response:
+    """End it without a verdict on the part: what was seen so far is told, and it is never OK."""
+
+    async def do() -> tuple[int, bytes]:
+        return 200, await service.inspections.abort(inspection_id, (asked or Abort()).reason)
+
+    return await once(request, service, who, do)
+
+
+@router.post("/{inspection_id}/acknowledge", responses=problems(404, 409))
+async def acknowledge(inspection_id: Id, service: ServiceDep, who: Operator) -> Inspection:
+    """The line has taken note of the result; the first time counts."""
+    stored = await in_thread(service.store.acknowledge_inspection, inspection_id, service.now_ns())
+    return told(stored, service)
+
+
+@router.get("", response_model=InspectionPage)
+async def inspections(
+    *,
+    request: Request,
+    service: ServiceDep,
+    who: Viewer,
+    product_id: Annotated[str | None, Query(max_length=64)] = None,
+    verdict: Annotated[str | None, Query(max_length=16)] = None,
+    state: InspectionState | None = None,
+    source: InspectionSource | None = None,
+    after: After = None,
+    limit: Limit = 50,
+) -> Response:
+    """All inspections, newest first; cheap to poll with If-None-Match."""
+    page = await in_thread(
+        service.store.inspections,
+        product_id=product_id,
+        verdict=verdict,
+        state=state,
+        source=source,
+        after=after,
+        limit=limit,
+    )
+    return tagged(request, InspectionPage(items=[told(each, service) for each in page.items], next=page.next))
+
+
+@router.get("/{inspection_id}", response_model=Inspection, responses=problems(404))
+async def inspection(request: Request, inspection_id: Id, service: ServiceDep, who: Viewer) -> Response:
+    """How far it is, or what came of it."""
+    return tagged(request, told(await in_thread(service.store.inspection, inspection_id), service))
+
+
+@router.get("/{inspection_id}/result", responses=problems(404, 409) | {200: {"description": "The result."}})
+async def result(
+    *,
+    request: Request,
+    inspection_id: Id,
+    service: ServiceDep,
+    who: Viewer,
+    frames: Annotated[bool, Query(description="With the score of every frame.")] = True,
+) -> Response:
+    """The result, as it was when it was concluded."""
+    return tagged(request, await in_thread(_result, service, inspection_id, frames))
+
+
+@router.get("/{inspection_id}/scores", response_model=Scores, responses=problems(404))
+async def scores(
+    *,
+    request: Request,
+    inspection_id: Id,
+    service: ServiceDep,
+    who: Viewer,
+    after: Annotated[int, Query(ge=-1, description="Index of the last frame that is known; -1 for none.")] = -1,
+    limit: Annotated[int, Query(ge=1, le=MAX_SCORES)] = 1000,
+) -> Response:
+    """Scored frames with a higher index, while the inspection runs and ever after."""
+    stored = await in_thread(service.store.inspection, inspection_id)
+    running = service.inspections.find(inspection_id)
+    if stored.state == "processing" and running is not None:
+        return tagged(request, await in_thread(_live_scores, running, after, limit))
+    return tagged(request, await in_thread(_stored_scores, service, stored, after, limit))
+
+
+@router.get("/{inspection_id}/recording", responses=problems(404, 409, 410), response_class=FileResponse)
+async def recording(inspection_id: Id, service: ServiceDep, who: Viewer) -> FileResponse:
+    """Exactly the frames that were scored, as MCAP."""
+    stored = await in_thread(service.store.inspection, inspection_id)
+    if stored.recording == "being written":
+        raise NotConcluded(inspection_id, "recording")
+    path = service.folder.inspection(inspection_id)
+    if stored.recording != "kept" or not await in_thread(path.is_file):
+        raise RecordingGone(inspection_id, stored.recording_note)
+    return FileResponse(path, media_type="application/octet-stream", filename=f"{inspection_id}.mcap")
+
+
+def told(stored: StoredInspection, service: Service) -> Inspection:
+    """What is known of it, with how far it is where it runs here."""
+    running = service.inspections.find(stored.inspection_id) if stored.state == "processing" else None
+    result = stored.result or {}
+    live = {"frames_scored": running.scored, "frames_dropped": running.lost} if running is not None else result
+    same = {name: getattr(stored, name) for name in Inspection.model_fields if hasattr(stored, name)}
+    return Inspection(
+        **same,
+        coverage=result.get("coverage"),
+        frames_scored=live.get("frames_scored"),
+        frames_dropped=live.get("frames_dropped"),
+        digest=result.get("digest"),
+        next_sequence=running.next_sequence if running is not None and running.phase == "open" else None,
+    )
+
+
+def _result(service: Service, inspection_id: str, frames: bool) -> bytes:
+    stored = service.store.inspection(inspection_id)
+    if stored.state == "processing":
+        raise NotConcluded(inspection_id)
+    if stored.result is None:
+        names = ("inspection_id", "product_id", "part_id", "recipe_id", "appearance_id", "verdict", "is_simulated")
+        said = {name: getattr(stored, name) for name in names}
+        bare = {"result_state": stored.state, "is_partial": True, "reasons": [stored.reason or ""], "frames": []}
+        return json.dumps(said | bare).encode()
+    scores = service.store.scores(inspection_id) if frames else None
+    more = {"frames": frame_records(scores_from_bytes(scores))} if scores is not None else {}
+    return json.dumps(stored.result | more).encode()
+
+
+def _live_scores(running: Running, after: int, limit: int) -> bytes:
+    lines = running.scores_after(after, limit)
+    return b'{"items":[%b],"next":%d,"state":"processing"}' % (b",".join(lines), after + len(lines))
+
+
+def _stored_scores(service: Service, stored: StoredInspection, after: int, limit: int) -> bytes:
+    scores = service.store.scores(stored.inspection_id)
+    frames = scores_from_bytes(scores)[after + 1 : after + 1 + limit] if scores is not None else ()
+    return json.dumps({"items": frame_records(frames), "next": after + len(frames), "state": stored.state}).encode()

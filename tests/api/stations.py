@@ -1,0 +1,118 @@
+"""A station with a product that is learnt, for the tests of the service; learnt once per process of the tests."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterable
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fastapi.testclient import TestClient
+
+from inspector.cameras import open_camera
+from inspector.learner import learn_recordings
+from inspector.pictures import encode_jpeg
+from inspector.protocol import SentFrame
+from inspector.recorder import record
+from inspector.recording import SweepReader
+from inspector.service.service import Service
+from inspector.stores.records import StoredAppearance
+from models.appearance import Appearance
+from models.frame import Frame
+from models.verdict import Policy
+
+LINE = "simulated:?frames=40&size=240x180&part=plate&path=line"
+GOOD, BAD = "unit=3&seed=3", "unit=2&seed=2&defect=extra&at=0.3"
+PRODUCT, PART = "plate", "0007"
+
+
+@cache
+def material() -> Path:
+    """A folder with `golden.mcap`, and what was learnt from it as `plate.appearance`."""
+    folder = Path(tempfile.mkdtemp(prefix="station-"))
+    with open_camera(f"{LINE}&unit=1&seed=1") as camera:
+        record(camera, folder / "golden.mcap", lossless=True)
+    learn_recordings([folder / "golden.mcap"], folder / "plate.appearance")
+    return folder
+
+
+@cache
+def learnt() -> Appearance:
+    return Appearance.from_bytes((material() / "plate.appearance").read_bytes())
+
+
+def sweep(options: str = BAD) -> Path:
+    """A recording of one part."""
+    path = material() / f"{options}.mcap"
+    if not path.exists():
+        with open_camera(f"{LINE}&{options}") as camera:
+            record(camera, path, lossless=True)
+    return path
+
+
+@cache
+def frames(options: str = BAD) -> tuple[Frame, ...]:
+    return tuple(SweepReader(sweep(options)))
+
+
+def picture(frame: Frame) -> bytes:
+    return (frame.encoded or encode_jpeg(frame.pixels)).data
+
+
+def sent(frame: Frame) -> bytes:
+    """The frame as a binary message."""
+    return SentFrame(frame.sequence, frame.t_ns, frame.encoder, picture(frame)).to_bytes()
+
+
+def teach(service: Service, policy: Policy = Policy()) -> str:  # noqa: B008 (a frozen value)
+    """The product is there, learnt, with an active recipe, whose id is returned."""
+    path = service.folder.appearance(learnt().id)
+    if not path.exists():
+        shutil.copy(material() / "plate.appearance", path)
+    store, now = service.store, service.now_ns()
+    store.ensure_product(PRODUCT, now)
+    store.add_appearance(StoredAppearance(learnt().id, PRODUCT, now, (), {}, (), path.stat().st_size))
+    recipe_id = f"r{now}"
+    store.add_recipe(recipe_id, PRODUCT, learnt().id, asdict(policy), actor="test", t_ns=now)
+    return recipe_id
+
+
+def begin(client: TestClient, part: str = PART) -> str:
+    answer = client.post("/v1/inspections", json={"product_id": PRODUCT, "part_id": part})
+    assert answer.status_code == 201, answer.text
+    return answer.json()["inspection_id"]
+
+
+def post(client: TestClient, inspection: str, frame: Frame, **changes: Any) -> Any:
+    """One frame by REST."""
+    numbers = {"t_ns": frame.t_ns, "sequence": frame.sequence, "encoder": frame.encoder} | changes
+    asked = {name: value for name, value in numbers.items() if value is not None}
+    jpeg = {"content-type": "image/jpeg"}
+    return client.post(f"/v1/inspections/{inspection}/frames", params=asked, content=picture(frame), headers=jpeg)
+
+
+def feed(client: TestClient, inspection: str, those: Iterable[Frame] | None = None) -> None:
+    for frame in frames() if those is None else those:
+        assert post(client, inspection, frame).status_code == 200
+
+
+class Stream:
+    """A client of the stream that keeps every message."""
+
+    def __init__(self, socket: Any) -> None:
+        self.socket = socket
+        self.said: list[dict[str, Any]] = []
+
+    def hear(self, kind: str) -> dict[str, Any]:
+        """The next message of that kind; those before it are kept."""
+        while True:
+            self.said.append(json.loads(self.socket.receive_text()))
+            if self.said[-1]["kind"] == kind:
+                return self.said[-1]
+
+    def kinds(self, *kinds: str) -> list[dict[str, Any]]:
+        return [each for each in self.said if each["kind"] in kinds]
