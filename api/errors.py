@@ -29,9 +29,12 @@ from inspector.files import NotWritten
 from inspector.policies import PolicyRefused
 from inspector.scores_json import ScoresUnreadable
 from inspector.service.access import AccessRefused, RoleTooLow
+from inspector.service.desk import DeskClosed, WorkerDied, WorkFailed
 from inspector.service.events import TooManyListeners
 from inspector.service.folder import FolderInUse, FolderRefused, NoFileId
 from inspector.service.inspections import AtCapacity, NoRecipe, NotConcluded, RecordingGone, Stopping
+from inspector.service.jobs import TooMuchToDo
+from inspector.service.replays import NoScores
 from inspector.service.running import Busy, NotOpen, OutOfOrder, ScorerLost, TooManyFrames
 from inspector.settings import SettingRefused
 from inspector.stores.base import NoSuch, StoreConflict
@@ -76,6 +79,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     OutOfOrder: Kind(409, "Too late"),
     NotConcluded: Kind(409, "Not concluded"),
     RecordingGone: Kind(410, "No recording"),
+    NoScores: Kind(409, "No scores"),
     NoRecipe: Kind(409, "No active recipe"),
     PictureTooLarge: Kind(413, "Picture too large"),
     PictureUnreadable: Kind(422, "Picture not readable"),
@@ -84,12 +88,16 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     PolicyRefused: Kind(422, "Policy not allowed"),
     SettingRefused: Kind(422, "Not allowed"),
     CameraError: Kind(422, "Camera not usable"),
+    WorkFailed: Kind(422, "Cannot be done"),
     # What is wrong here.
     AppearanceError: Kind(500, "Stored file damaged"),
     ScoresUnreadable: Kind(500, "Stored scores damaged"),
     OutputExists: Kind(500, "File exists already"),
+    WorkerDied: Kind(500, "Process ended"),
     CameraNotOpened: Kind(502, "Camera does not answer"),
     CameraStopped: Kind(502, "Camera stopped"),
+    DeskClosed: Kind(503, "Being stopped"),
+    TooMuchToDo: Kind(503, "Too much to do"),
     StoreError: Kind(503, "Database does not answer"),
     FolderInUse: Kind(503, "Data folder in use"),
     FolderRefused: Kind(503, "Data folder not writable"),

@@ -244,7 +244,7 @@ async def result(
     frames: Annotated[bool, Query(description="With the score of every frame.")] = True,
 ) -> Response:
     """The result, as it was when it was concluded."""
-    return tagged(request, await in_thread(_result, service, inspection_id, frames))
+    return tagged(request, await in_thread(whole_result, service, inspection_id, frames))
 
 
 @router.get("/{inspection_id}/scores", response_model=Scores, responses=problems(404))
@@ -293,7 +293,8 @@ def told(stored: StoredInspection, service: Service) -> Inspection:
     )
 
 
-def _result(service: Service, inspection_id: str, frames: bool) -> bytes:
+def whole_result(service: Service, inspection_id: str, frames: bool = True) -> bytes:
+    """The result as JSON, from the store. Blocks. Raises NoSuchInspection, NotConcluded."""
     stored = service.store.inspection(inspection_id)
     if stored.state == "processing":
         raise NotConcluded(inspection_id)

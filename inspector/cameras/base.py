@@ -14,6 +14,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 from urllib.parse import parse_qsl
@@ -114,6 +115,18 @@ def split_url(url: str) -> tuple[str, str, dict[str, str]]:
     if not mark:
         place, query = rest, ""
     return scheme, place, dict(parse_qsl(query, keep_blank_values=True))
+
+
+def waits(camera: str) -> bool:
+    """Whether this source can wait for the disk: pictures, video files and unpaced simulations; a live camera cannot.
+
+    >>> waits("folder:shots"), waits("simulated:?realtime=1"), waits("opencv:0")
+    (True, False, False)
+    """
+    scheme, place, query = split_url(camera)
+    if scheme == "simulated":
+        return query.get("realtime", "0").lower() in ("0", "false", "no")
+    return scheme == "folder" or (scheme == "opencv" and Path(place).is_file())
 
 
 def hide_password(url: str) -> str:

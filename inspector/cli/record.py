@@ -36,6 +36,7 @@ def record(
     Example: inspector record --camera "simulated:?part=board" --out golden.mcap --product board
     """
     from inspector.cameras import open_camera
+    from inspector.cameras.base import waits
     from inspector.recorder import record as record_sweep
 
     with open_camera(camera) as source, _stopped_by_signals() as stop, status("recording") as say:
@@ -46,20 +47,6 @@ def record(
     if summary.drops:
         warn(f"{summary.drops} frames came faster than the disk took them; they are lost, and counted in {out}")
     print(f"{out}: {_counted(summary)}")
-
-
-def waits(camera: str) -> bool:
-    """Whether this source can wait for the disk: pictures, video files and unpaced simulations; a live camera cannot.
-
-    >>> waits("folder:shots"), waits("simulated:?realtime=1"), waits("opencv:0")
-    (True, False, False)
-    """
-    from inspector.cameras.base import split_url
-
-    scheme, place, query = split_url(camera)
-    if scheme == "simulated":
-        return query.get("realtime", "0").lower() in ("0", "false", "no")
-    return scheme == "folder" or (scheme == "opencv" and Path(place).is_file())
 
 
 def _counted(summary: RecordingSummary) -> str:

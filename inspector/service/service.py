@@ -8,28 +8,37 @@ from collections.abc import Callable
 
 import structlog
 
-from inspector import stores
 from inspector.service.access import Access
+from inspector.service.desk import Desk
 from inspector.service.events import Events
 from inspector.service.folder import DataFolder
 from inspector.service.inspections import Inspections
+from inspector.service.jobs import Jobs
+from inspector.service.learning import Learning
 from inspector.service.metrics import Metrics
+from inspector.service.replays import Replays
 from inspector.service.running import Bounds
-from inspector.settings import Settings
-from inspector.stores import AbstractStore
+from inspector.service.sweeps import Sweeps
+from inspector.settings import CORES, Settings
+from inspector.stores import AbstractStore, open_store
 from models.errors import InspectionError
 
-log = structlog.get_logger(__name__)
+log = structlog.get_logger("inspector")
 DAY_NS = 86_400_000_000_000
-KILLED = "the service ended without being stopped"
+KILLED = "the service ended while this was being done"
+_HOUSEKEEPING_SECONDS = 600.0
 
 
 class Service:
-    """What the routes ask. Nothing but `settings` and `metrics` is there before `start`."""
+    """What the routes ask. Nothing but `settings`, `metrics` and `events` is there before `start`."""
 
     folder: DataFolder
     store: AbstractStore
     access: Access
+    jobs: Jobs
+    sweeps: Sweeps
+    learning: Learning
+    replays: Replays
     inspections: Inspections
 
     def __init__(self, settings: Settings, now_ns: Callable[[], int] = time.time_ns) -> None:
@@ -37,8 +46,8 @@ class Service:
         self.metrics = Metrics()
         self.events = Events(settings.max_subscribers)
         self.started = False
-        self.stopping = asyncio.Event()
-        """Set when the service begins to stop: whoever holds a connection open lets go."""
+        self._desks: tuple[Desk, ...] = ()
+        self._housekeeper: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
         """Open everything; a second call does nothing. Raises FolderInUse, FolderRefused, StoreError."""
@@ -46,38 +55,65 @@ class Service:
             return
         self.folder = await asyncio.to_thread(DataFolder, self.settings.data)
         try:
-            await asyncio.to_thread(self._open)
+            self.store = await asyncio.to_thread(open_store, self.settings.database_url)
+            try:
+                await self._furnish()
+            except BaseException:
+                self.store.close()
+                raise
         except BaseException:
             self.folder.close()
             raise
-        self.events.start()
-        self.inspections = self._inspections()
-        await self.inspections.start()
         self.started = True
 
-    def _inspections(self) -> Inspections:
-        settings = self.settings
-        return Inspections(
-            self.store,
-            self.folder,
+    async def _furnish(self) -> None:
+        settings, store, folder = self.settings, self.store, self.folder
+        await asyncio.to_thread(self._recover)
+        self.events.start()
+        self.access = Access(store, settings.asks_for_tokens, self.now_ns)
+        learners = max(1, CORES // 2)
+        # Apart: what somebody waits for does not wait for what takes minutes.
+        learning, recording, looking = self._desks = (Desk(learners), Desk(4), Desk(2))
+        self.jobs = Jobs(store, folder, self.events, self.metrics, learners=learners, now_ns=self.now_ns)
+        self.sweeps = Sweeps(
+            store,
+            folder,
+            looking=looking,
+            recording=recording,
+            cameras=settings.cameras,
+            max_frames=settings.max_frames,
+            now_ns=self.now_ns,
+        )
+        self.learning = Learning(store, folder, learning, self.now_ns)
+        self.replays = Replays(store, folder, looking, self.now_ns)
+        self.inspections = Inspections(
+            store,
+            folder,
             self.events,
             self.metrics,
             scorers=settings.scorers,
             max_inspections=settings.max_inspections,
             max_pixels=settings.max_pixels,
-            bounds=Bounds(settings.window, frames=settings.max_frames),
+            bounds=Bounds(window=settings.window, frames=settings.max_frames),
             idle_seconds=settings.idle_seconds,
         )
+        await self.inspections.start()
+        self._housekeeper = asyncio.create_task(self._keep_house())
 
-    def _open(self) -> None:
-        store: AbstractStore = stores.open_store(self.settings.database_url)  # pyright: ignore
-        self.store = store
-        now = self.now_ns()
+    def _recover(self) -> None:
+        """In a thread: what a crash left behind."""
         self.store.release_pending_claims()
-        self.store.forget_claims(now - DAY_NS)
-        for job_id in self.store.fail_running_jobs(now, KILLED):
-            log.warning("job failed", job_id=job_id, why=KILLED)
-        self.access = Access(self.store, self.settings.asks_for_tokens, self.now_ns)
+        for job_id in self.store.fail_running_jobs(self.now_ns(), KILLED):
+            log.warning("job", job_id=job_id, state="failed", error=KILLED)
+
+    async def _keep_house(self) -> None:
+        """Every ten minutes: what is too old is forgotten."""
+        while True:
+            try:
+                await asyncio.to_thread(self.store.forget_claims, self.now_ns() - DAY_NS)
+            except InspectionError as error:
+                log.warning("housekeeping", error=str(error))
+            await asyncio.sleep(_HOUSEKEEPING_SECONDS)
 
     async def troubles(self) -> list[str]:
         """A sentence for each thing that keeps the service from its work."""
@@ -101,12 +137,16 @@ class Service:
         if not self.started:
             return
         self.started = False
-        self.stopping.set()
         log.info("stopping", why=why)
+        if self._housekeeper is not None:
+            self._housekeeper.cancel()
         await self.inspections.stop()
         self.events.close()
         await asyncio.to_thread(self._close)
 
     def _close(self) -> None:
+        for desk in self._desks:
+            desk.close()
+        self.jobs.close()
         self.store.close()
         self.folder.close()

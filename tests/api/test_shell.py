@@ -21,16 +21,15 @@ from inspector.errors import WorldError
 from inspector.settings import read_settings
 from models.errors import InspectionError
 
-pytest.importorskip("inspector.stores.sql")
 HERE = "http://127.0.0.1"
 
 
-@pytest.fixture
-def app(tmp_path: Path) -> FastAPI:
-    return create_app(read_settings(data=tmp_path / "data", scorers=1))
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
+    return create_app(read_settings(data=tmp_path_factory.mktemp("shell") / "data", scorers=1))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def client(app: FastAPI) -> Iterator[TestClient]:
     with TestClient(app, base_url=HERE, raise_server_exceptions=False) as client:
         yield client
@@ -45,7 +44,7 @@ def family(kind: type[InspectionError]) -> Iterator[type[InspectionError]]:
 def test_every_error_has_a_place_in_the_table() -> None:
     for package in (models, inspector, api):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if not module.name.endswith(("__main__", "desk_worker")) and ".migrations" not in module.name:
+            if not module.name.endswith("__main__") and ".migrations" not in module.name:
                 importlib.import_module(module.name)
     assert InspectionError not in KINDS
     assert WorldError not in KINDS
@@ -61,13 +60,15 @@ def test_health_needs_no_token(client: TestClient) -> None:
     assert 'inspector_requests_total{method="GET",route="/readyz",status="200"} 1.0' in client.get("/metrics").text
 
 
-def test_what_cannot_work_says_why(client: TestClient, tmp_path: Path) -> None:
-    (tmp_path / "data" / "incoming").rmdir()
+def test_what_cannot_work_says_why(client: TestClient, app: FastAPI) -> None:
+    incoming: Path = app.state.service.folder.path / "incoming"
+    incoming.rmdir()
     answer = client.get("/readyz")
+    incoming.mkdir()
     assert answer.status_code == 503
     assert answer.json()["state"] == "not ready"
     assert "allowed is a folder that this program may write to" in answer.json()["reasons"][0]
-    assert str(tmp_path) not in answer.text
+    assert str(incoming.parent) not in answer.text
 
 
 @pytest.mark.parametrize(
@@ -82,7 +83,9 @@ def test_what_is_not_there_is_a_problem_document(client: TestClient, method: str
     assert (answer.json()["status"], path in answer.json()["detail"]) == (status, True)
 
 
-def test_what_was_not_expected_is_told_in_the_log_only(app: FastAPI, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_not_expected_is_told_in_the_log_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    app = create_app(read_settings(data=tmp_path, database="memory:", scorers=1))
+
     @app.get("/broken")
     def broken() -> None:
         raise RuntimeError("a secret")

@@ -1,0 +1,138 @@
+"""Jobs: long work that somebody asked for and comes back to; its state is in the store, and survives.
+
+inspector.errors.WorldError
+└── TooMuchToDo              more long work than may wait
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import structlog
+
+from inspector.errors import WorldError
+from inspector.service.events import Events
+from inspector.service.folder import DataFolder, new_id
+from inspector.service.metrics import Metrics
+from inspector.stores.base import AbstractStore
+from inspector.stores.records import Job, JobKind, Json
+from models.errors import InspectionError
+
+T = TypeVar("T")
+Progress = Callable[[float], object]
+Work = Callable[[Progress], Json]
+_WAITING = 32
+"""Pieces of work that may wait, of those that are done at once and of each kind of job."""
+_log = structlog.get_logger("inspector")
+
+
+class TooMuchToDo(WorldError):
+    """More long work than may wait."""
+
+    retry_after = 10
+
+    def __init__(self, waiting: int) -> None:
+        super().__init__(f"{waiting} pieces of long work wait already, and no more may; try again later")
+
+
+class _Queue:
+    """Threads that wait for the desk, and no more work than may wait for them."""
+
+    def __init__(self, threads: int, name: str) -> None:
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix=name)
+        self._waiting = 0
+
+    def check(self) -> None:
+        """Raises TooMuchToDo where `put` would."""
+        if self._waiting >= _WAITING:
+            raise TooMuchToDo(self._waiting)
+
+    def put(self, work: Callable[[], T]) -> asyncio.Future[T]:
+        """From the event loop."""
+        self._waiting += 1
+        future = asyncio.get_running_loop().run_in_executor(self._pool, work)
+        future.add_done_callback(self._taken)
+        return future
+
+    def _taken(self, future: asyncio.Future[Any]) -> None:
+        self._waiting -= 1
+
+    def close(self) -> None:
+        """Blocks until what was begun has ended."""
+        self._pool.shutdown(cancel_futures=True)
+
+
+class Jobs:
+    """Begins jobs, and tells the store what becomes of them. Used from the event loop."""
+
+    def __init__(
+        self,
+        store: AbstractStore,
+        folder: DataFolder,
+        events: Events,
+        metrics: Metrics,
+        *,
+        learners: int = 1,
+        now_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
+        self._now_ns = now_ns
+        threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1}
+        self._queues = {kind: _Queue(count, kind) for kind, count in threads.items()}
+        self._at_once = _Queue(4, "desk")
+
+    async def begin(self, kind: JobKind, product_id: str, request: Json, work: Work) -> Job:
+        """A job that runs, or waits for its turn. Raises TooMuchToDo."""
+        self._queues[kind].check()
+        job = await asyncio.to_thread(self._store.add_job, new_id(), kind, product_id, request, self._now_ns())
+        self._queues[kind].put(lambda: self._run(job, work))
+        return job
+
+    async def at_once(self, work: Callable[[], T]) -> T:
+        """What comes of long work that somebody waits for. Goes on when they do not. Raises TooMuchToDo."""
+        self._at_once.check()
+        return await asyncio.shield(self._at_once.put(work))
+
+    def close(self) -> None:
+        """After the desks were closed. Blocks until every job has said how it ended."""
+        for queue in (*self._queues.values(), self._at_once):
+            queue.close()
+
+    def _run(self, job: Job, work: Work) -> None:
+        """In a thread."""
+        try:
+            outcome = work(lambda share: self._tell(job, share))
+        except InspectionError as error:
+            self._end(job, error=self._folder.hidden(str(error)))
+        except Exception:
+            _log.exception("job broke", job_id=job.job_id)
+            self._end(job, error="something unexpected went wrong; the log of the service says what")
+        else:
+            self._end(job, outcome=outcome)
+
+    def _tell(self, job: Job, share: float) -> None:
+        self._store.update_job(job.job_id, progress=share)
+        self._events.publish_soon("job", job_id=job.job_id, state="running", progress=round(share, 3))
+
+    def _end(self, job: Job, outcome: Json | None = None, error: str | None = None) -> None:
+        state = "done" if error is None else "failed"
+        try:
+            self._store.update_job(
+                job.job_id,
+                state=state,
+                ended_ns=self._now_ns(),
+                outcome=outcome,
+                error=error,
+                progress=1.0 if error is None else None,
+            )
+        except InspectionError as trouble:
+            # The next start finds the job running, and fails it.
+            _log.error("job not stored", job_id=job.job_id, state=state, error=str(trouble))
+        names = {"kind": job.kind, "job_id": job.job_id, "product_id": job.product_id}
+        _log.info("job", **names, state=state, error=error, seconds=round((self._now_ns() - job.created_ns) / 1e9, 3))
+        self._metrics.jobs.labels(job.kind, state).inc()
+        self._events.publish_soon("job", **names, state=state, error=error, **(outcome or {}))

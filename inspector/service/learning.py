@@ -1,0 +1,61 @@
+"""Learning for the service: the same appearance as `inspector learn` makes of the same sweeps, in the same order."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from inspector.service.desk import Desk, naming
+from inspector.service.folder import DataFolder, remove
+from inspector.stores.base import AbstractStore, NoSuchSweep
+from inspector.stores.records import Json, StoredAppearance
+
+
+class Learning:
+    """Learns appearances of products. Everything here blocks."""
+
+    def __init__(
+        self, store: AbstractStore, folder: DataFolder, desk: Desk, now_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        self._store, self._folder, self._desk, self._now_ns = store, folder, desk, now_ns
+
+    def check(self, product_id: str, sweep_ids: Sequence[str], add_to: str | None) -> None:
+        """Raises NoSuchProduct, NoSuchSweep, NoSuchAppearance, before a job is begun."""
+        self._store.product(product_id)
+        for sweep_id in sweep_ids:
+            if self._store.sweep(sweep_id).product_id != product_id:
+                raise NoSuchSweep(sweep_id)
+        if add_to is not None:
+            self._store.appearance(product_id, add_to)
+
+    def learn(
+        self, progress: Callable[[float], object], product_id: str, sweep_ids: Sequence[str], add_to: str | None
+    ) -> Json:
+        """An appearance, as the outcome of a job. Raises WorkFailed, with the ids of sweeps, and NotWritten."""
+        draft = self._folder.incoming()
+        names = {str(self._folder.sweep(sweep_id)): f"sweep {sweep_id}" for sweep_id in sweep_ids}
+        before: tuple[str, ...] = ()
+        asked: Json = {"sweeps": list(names), "appearance": str(draft), "add_to": None}
+        if add_to is not None:
+            old = self._folder.appearance(add_to)
+            before = self._store.appearance(product_id, add_to).sweep_ids
+            asked["add_to"], names[str(old)] = str(old), f"appearance {add_to}"
+        try:
+            with naming({**names, str(draft): "the appearance"}) as named:
+                made = self._desk.do("learn", asked, progress)
+                said = tuple(named(each) for each in made["said"])
+            self._keep(draft, made["appearance_id"])
+        finally:
+            remove(draft)
+        stored = StoredAppearance(
+            made["appearance_id"], product_id, self._now_ns(), (*before, *sweep_ids), made["facts"], said, made["bytes"]
+        )  # fmt: skip
+        self._store.add_appearance(stored)
+        return {"appearance_id": stored.appearance_id, "said": list(said)}
+
+    def _keep(self, draft: Path, appearance_id: str) -> None:
+        path = self._folder.appearance(appearance_id)
+        # The name is the hash of what is in it: what is there already is the same.
+        if not path.exists():
+            self._folder.keep(draft, path)

@@ -1,0 +1,192 @@
+"""What was recorded, inspected once more; what was scored, judged once more.
+
+inspector.errors.WorldError
+└── NoScores                 an inspection without scores
+"""
+
+from __future__ import annotations
+
+import time
+from base64 import b64decode, b64encode
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from inspector.errors import WorldError
+from inspector.service.desk import Desk, naming
+from inspector.service.folder import DataFolder, new_id
+from inspector.service.inspections import NoRecipe, RecordingGone
+from inspector.stores.base import AbstractStore
+from inspector.stores.records import Json, Recipe, StoredInspection
+from models.verdict import Policy
+
+_AT_A_TIME = 20
+"""Inspections whose scores are handed over at once."""
+
+
+class NoScores(WorldError):
+    """An inspection without scores."""
+
+    def __init__(self, inspection_id: str, state: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} has no scores: it is {state}; allowed are completed ones")
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What is to be replayed, and by what."""
+
+    recording: Path
+    thing: str
+    """What the recording is of, in words."""
+    part_id: str | None
+    recipe: Recipe
+    """Its policy is the one to judge by."""
+
+    @property
+    def request(self) -> Json:
+        """For the job."""
+        return {"of": self.thing, "recipe_id": self.recipe.recipe_id, "policy": self.recipe.policy}
+
+
+class Replays:
+    """Replays recordings, and judges stored scores again. Everything here blocks."""
+
+    def __init__(
+        self, store: AbstractStore, folder: DataFolder, desk: Desk, now_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        self._store, self._folder, self._desk, self._now_ns = store, folder, desk, now_ns
+
+    def prepare(
+        self, inspection_id: str | None, sweep_id: str | None, recipe_id: str | None, policy: Policy | None
+    ) -> Replay:
+        """What one of the two ids means; the recipe is that of the inspection, or the product's active one.
+
+        Raises NoSuch, RecordingGone, NoRecipe.
+        """
+        if inspection_id is not None:
+            stored = self._store.inspection(inspection_id)
+            thing, part_id, product_id = f"inspection {inspection_id}", stored.part_id, stored.product_id
+            path, recipe_id = self._recording(stored), recipe_id or stored.recipe_id
+        else:
+            sweep = self._store.sweep(sweep_id or "")
+            thing, part_id, product_id = f"sweep {sweep.sweep_id}", sweep.part_id, sweep.product_id
+            path = self._folder.sweep(sweep.sweep_id)
+        recipe = self._store.recipe(recipe_id) if recipe_id else self._store.active_recipe(product_id)
+        if recipe is None:
+            raise NoRecipe(product_id)
+        if policy is not None:
+            recipe = replace(recipe, policy=asdict(policy))
+        return Replay(path, thing, part_id, recipe)
+
+    def _recording(self, stored: StoredInspection) -> Path:
+        path = self._folder.inspection(stored.inspection_id)
+        if stored.recording == "kept" and path.exists():
+            return path
+        raise RecordingGone(stored.inspection_id, stored.recording_note or f"it is {stored.recording}")
+
+    def replay(self, progress: Callable[[float], object], asked: Replay) -> StoredInspection:
+        """The inspection that it became: simulated, of source `replay`, its scores stored. Raises WorkFailed."""
+        recipe, begun_ns, inspection_id = asked.recipe, self._now_ns(), new_id()
+        appearance = self._folder.appearance(recipe.appearance_id)
+        names = {
+            "result_id": new_id(),
+            "product_id": recipe.product_id,
+            "part_id": asked.part_id,
+            "recipe_id": recipe.recipe_id,
+        }
+        shown = {str(asked.recording): f"the recording of {asked.thing}", str(appearance): "the appearance"}
+        with naming(shown):
+            made = self._desk.do(
+                "replay",
+                {
+                    "recording": str(asked.recording),
+                    "appearance": str(appearance),
+                    "policy": recipe.policy,
+                    "names": names,
+                },
+                progress,
+            )
+        # Begun and concluded at once, when it is done: what fails, or is killed, leaves nothing half.
+        self._store.begin_inspection(
+            inspection_id,
+            recipe.product_id,
+            part_id=asked.part_id,
+            recipe_id=recipe.recipe_id,
+            appearance_id=recipe.appearance_id,
+            policy=recipe.policy,
+            begun_ns=begun_ns,
+            source="replay",
+            is_simulated=True,
+            recording="none",
+        )
+        return self._store.conclude_inspection(
+            inspection_id,
+            "completed",
+            verdict=made["result"]["verdict"],
+            ended_ns=self._now_ns(),
+            result=made["result"] | {"inspection_id": inspection_id, "replay_of": asked.thing},
+            scores=b64decode(made["scores"]),
+        )
+
+    def choose(self, product_id: str, inspection_ids: Sequence[str] | None, last: int) -> list[StoredInspection]:
+        """Completed inspections of a product: those named, or the latest live ones, newest first.
+
+        Raises NoSuchProduct, NoSuchInspection, NoScores.
+        """
+        self._store.product(product_id)
+        if inspection_ids is not None:
+            chosen = [self._store.inspection(inspection_id) for inspection_id in inspection_ids]
+            for each in chosen:
+                if each.product_id != product_id or each.state != "completed":
+                    raise NoScores(each.inspection_id, f"of product {each.product_id}, {each.state}")
+            return chosen
+        return list(self._latest(product_id, last))
+
+    def _latest(self, product_id: str, last: int) -> Iterator[StoredInspection]:
+        after: int | None = None
+        while last > 0:
+            page = self._store.inspections(
+                product_id=product_id, state="completed", source="live", after=after, limit=min(last, 200)
+            )  # fmt: skip
+            yield from page.items
+            last, after = last - len(page.items), page.next
+            if after is None:
+                return
+
+    def rejudge(self, policy: Policy, chosen: Sequence[StoredInspection]) -> Json:
+        """What another policy would have said of them; nothing is stored. Raises WorkFailed."""
+        now: dict[str, Json] = {}
+        for appearance_id in dict.fromkeys(each.appearance_id for each in chosen):
+            path = str(self._folder.appearance(appearance_id))
+            alike = [each for each in chosen if each.appearance_id == appearance_id]
+            for at in range(0, len(alike), _AT_A_TIME):
+                some = [self._scored(each) for each in alike[at : at + _AT_A_TIME]]
+                with naming({path: f"appearance {appearance_id}"}):
+                    asked = {"appearance": path, "policy": asdict(policy), "inspections": some}
+                    made = self._desk.do("rejudge", asked)
+                now |= {each["inspection_id"]: each for each in made["inspections"]}
+        found = [
+            {"part_id": each.part_id, "ended_ns": each.ended_ns, "before": each.verdict, **now[each.inspection_id]}
+            for each in chosen
+        ]
+        return {
+            "changed": sum(each["before"] != each["now"] for each in found),
+            "counts": {
+                "before": dict(Counter(each["before"] for each in found)),
+                "now": dict(Counter(each["now"] for each in found)),
+            },
+            "inspections": found,
+        }
+
+    def _scored(self, stored: StoredInspection) -> Json:
+        scores, result = self._store.scores(stored.inspection_id), stored.result or {}
+        if scores is None:
+            raise NoScores(stored.inspection_id, stored.state)
+        return {
+            "inspection_id": stored.inspection_id,
+            "scores": b64encode(scores).decode(),
+            "policy": stored.policy,
+            "dropped": result.get("frames_dropped", 0),
+            "stopped": result.get("stopped", False),
+        }

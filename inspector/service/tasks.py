@@ -1,0 +1,191 @@
+"""What is done on the desk, in a process of its own: surveys, recording, learning, replays, judging again.
+
+Each task takes JSON values and a `progress` to call with the share done, and returns JSON values.
+
+inspector.errors.RecordingError
+└── TooManyFrames            a recording of more frames than allowed
+"""
+
+from __future__ import annotations
+
+import hashlib
+from base64 import b64decode, b64encode
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from inspector.cameras import open_camera
+from inspector.cameras.base import waits
+from inspector.errors import RecordingError
+from inspector.learner import add_recordings, learn_recordings, load_appearance
+from inspector.recorder import RecordingSummary
+from inspector.recorder import record as record_sweep
+from inspector.recording import SweepReader, count_frames
+from inspector.replay import replay as replay_recording
+from inspector.result_json import result_record
+from inspector.scores_json import scores_from_bytes, scores_to_bytes
+from models.appearance import Appearance
+from models.frame import Frame
+from models.judging import judge, rescaled
+from models.limits import promise
+from models.verdict import Policy, Result, ScoredFrame
+
+Progress = Callable[[float], None]
+Json = dict[str, Any]
+
+
+class TooManyFrames(RecordingError):
+    """A recording of more frames than allowed."""
+
+    def __init__(self, path: Path, allowed: int) -> None:
+        super().__init__(f"{path}: more frames than allowed; allowed are {allowed}")
+
+
+def survey(progress: Progress, *, recording: str, max_frames: int) -> Json:
+    """What a recording holds, every frame of it read. Raises RecordingError."""
+    reader, count = SweepReader(Path(recording)), 0
+    announced = count_frames(reader.path)
+    for _ in reader:
+        count += 1
+        if count > max_frames:
+            raise TooManyFrames(reader.path, max_frames)
+        if announced:
+            progress(min(1.0, count / announced))
+    return {"frames": count, "losses": list(reader.losses), "facts": dict(reader.facts)}
+
+
+def record(
+    progress: Progress,
+    *,
+    camera: str,
+    recording: str,
+    seconds: float | None,
+    frames: int | None,
+    product_id: str,
+    part_id: str | None,
+) -> Json:
+    """A camera's sweep as a recording. Raises CameraError, RecordingError."""
+
+    def tell(so_far: RecordingSummary) -> None:
+        progress(min(1.0, so_far.frames / frames if frames else so_far.seconds / (seconds or 1.0)))
+
+    with open_camera(camera) as source:
+        summary = record_sweep(
+            source, recording, seconds=seconds, frames=frames, product_id=product_id, part_id=part_id,
+            lossless=waits(camera), on_progress=tell,
+        )  # fmt: skip
+    lost = [f"{summary.drops} frames came faster than the disk took them"] if summary.drops else []
+    with Path(recording).open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"frames": summary.frames, "bytes": summary.bytes, "sha256": sha256, "losses": lost}
+
+
+def learn(progress: Progress, *, sweeps: Sequence[str], appearance: str, add_to: str | None) -> Json:
+    """Golden sweeps as an appearance, as `inspector learn` makes it. Raises LearningError, RecordingError."""
+    said: list[str] = []
+    if add_to is None:
+        learnt = learn_recordings(sweeps, appearance, progress, tell=said.append)
+    else:
+        learnt = add_recordings(sweeps, add_to, appearance, progress, tell=said.append)
+    return {
+        "appearance_id": learnt.id,
+        "facts": _facts(learnt),
+        "said": said,
+        "bytes": Path(appearance).stat().st_size,
+    }
+
+
+def _facts(learnt: Appearance) -> Json:
+    width, height = learnt.size
+    promised = promise(learnt.peaks, Policy.false_rejects)
+    return {
+        **learnt.facts,
+        "places": learnt.places,
+        "width": width,
+        "height": height,
+        "promise": {name: round(value, 6) for name, value in asdict(promised).items()},
+        "promised": promised.sentence(),
+    }
+
+
+def replay(
+    progress: Progress, *, recording: str, appearance: str, policy: Mapping[str, float], names: Mapping[str, str | None]
+) -> Json:
+    """A recording inspected; `names` has `result_id`, `recipe_id`, `product_id`, `part_id` for the result."""
+    reader, learnt, judged_by = SweepReader(Path(recording)), load_cached(appearance), Policy(**policy)
+    announced = count_frames(reader.path)
+
+    def tell(frame: Frame, scored: ScoredFrame) -> None:
+        if announced:
+            progress(min(1.0, (scored.index + 1) / announced))
+
+    replayed = replay_recording(reader, learnt, judged_by, on_scored=tell)
+    facts = {name: said for name in ("product_id", "part_id") if (said := names.get(name)) is not None}
+    result = result_record(
+        replayed.result, replayed.facts | facts, is_simulated=True, recipe_id=names["recipe_id"],
+        promise=promise(learnt.peaks, judged_by.false_rejects), result_id=names["result_id"], with_frames=False,
+    )  # fmt: skip
+    scores = b64encode(scores_to_bytes(replayed.result.frames)).decode()
+    return {"result": {**result, "losses": list(replayed.losses)}, "scores": scores}
+
+
+def rejudge(
+    progress: Progress, *, appearance: str, policy: Mapping[str, float], inspections: Sequence[Mapping[str, Any]]
+) -> Json:
+    """What the stored scores of inspections by this appearance come to with another policy."""
+    learnt, now = load_cached(appearance), Policy(**policy)
+    found: list[Json] = []
+    for each in inspections:
+        result = rejudged(
+            scores_from_bytes(b64decode(each["scores"])), learnt, Policy(**each["policy"]), now,
+            dropped=each["dropped"], stopped=each["stopped"],
+        )  # fmt: skip
+        scored = [frame.score for frame in result.frames]
+        found.append(
+            {
+                "inspection_id": each["inspection_id"],
+                "now": result.verdict.value,
+                "reasons": list(result.reasons),
+                "deviations": len(result.deviations),
+                "highest_score": round(max(scored, default=0.0), 6),
+            }
+        )
+        progress(len(found) / len(inspections))
+    return {"inspections": found}
+
+
+def rejudged(
+    frames: Sequence[ScoredFrame], appearance: Appearance, before: Policy, now: Policy, *, dropped: int, stopped: bool
+) -> Result:
+    """The verdict on frames that were scored under one policy, under another; `digest` stays empty.
+
+    Scores go with the inverse of the limits' factor, which target and sensitivity set.
+    """
+    by = _factor(appearance, before) / _factor(appearance, now)
+    # Scaling by one and the same factor would change nothing, and must not: not even a region's last bit.
+    again = frames if by == 1.0 else rescaled(frames, by)
+    return judge(
+        again, now, appearance.s, appearance.path,
+        appearance_id=appearance.id, dropped=dropped, digest="", stopped=stopped,
+    )  # fmt: skip
+
+
+def _factor(appearance: Appearance, policy: Policy) -> float:
+    return promise(appearance.peaks, policy.false_rejects).factor / policy.sensitivity
+
+
+@lru_cache(2)
+def load_cached(path: str) -> Appearance:
+    """An appearance, kept for the next time: files of appearances never change."""
+    return load_appearance(path)
+
+
+TASKS: Mapping[str, Callable[..., Json]] = {
+    "survey": survey,
+    "record": record,
+    "learn": learn,
+    "replay": replay,
+    "rejudge": rejudge,
+}
