@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 
 import structlog
 
@@ -17,6 +19,7 @@ from inspector.service.jobs import Jobs
 from inspector.service.learning import Learning
 from inspector.service.metrics import Metrics
 from inspector.service.replays import Replays
+from inspector.service.retention import DAY_NS, Disk, Retention, tidy
 from inspector.service.running import Bounds
 from inspector.service.sweeps import Sweeps
 from inspector.settings import CORES, Settings
@@ -24,9 +27,8 @@ from inspector.stores import AbstractStore, open_store
 from models.errors import InspectionError
 
 log = structlog.get_logger("inspector")
-DAY_NS = 86_400_000_000_000
 KILLED = "the service ended while this was being done"
-_HOUSEKEEPING_SECONDS = 600.0
+_HOUSEKEEPING_SECONDS = 300.0
 
 
 class Service:
@@ -47,6 +49,7 @@ class Service:
         self.events = Events(settings.max_subscribers)
         self.started = False
         self._desks: tuple[Desk, ...] = ()
+        self._stopping = asyncio.Event()
         self._housekeeper: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
@@ -107,13 +110,25 @@ class Service:
             log.warning("job", job_id=job_id, state="failed", error=KILLED)
 
     async def _keep_house(self) -> None:
-        """Every ten minutes: what is too old is forgotten."""
-        while True:
+        """Now and then until the service stops: what need not stay is removed."""
+        while not self._stopping.is_set():
             try:
-                await asyncio.to_thread(self.store.forget_claims, self.now_ns() - DAY_NS)
-            except InspectionError as error:
+                await asyncio.to_thread(self._tidy)
+            except (InspectionError, OSError) as error:
                 log.warning("housekeeping", error=str(error))
-            await asyncio.sleep(_HOUSEKEEPING_SECONDS)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._stopping.wait(), _HOUSEKEEPING_SECONDS)
+
+    def _tidy(self) -> None:
+        settings, now = self.settings, self.now_ns()
+        self.store.forget_claims(now - DAY_NS)
+        rules = Retention(settings.keep_ok_one_in, settings.keep_days, settings.keep_disk_share)
+        disk = partial(Disk.of, self.folder.path)
+        done = tidy(self.store, self.folder.inspection, rules, now, disk=disk, enough=self._stopping.is_set)
+        for failure in done.failures:
+            log.error("recording", state="kept", error=failure)
+        if done.removed:
+            log.info("recordings", state="removed", count=done.removed, bytes=done.bytes)
 
     async def troubles(self) -> list[str]:
         """A sentence for each thing that keeps the service from its work."""
@@ -138,9 +153,10 @@ class Service:
             return
         self.started = False
         log.info("stopping", why=why)
-        if self._housekeeper is not None:
-            self._housekeeper.cancel()
+        self._stopping.set()
         await self.inspections.stop()
+        if self._housekeeper is not None:
+            await self._housekeeper
         self.events.close()
         await asyncio.to_thread(self._close)
 

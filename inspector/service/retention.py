@@ -1,0 +1,125 @@
+"""Which recordings of inspections stay. Results and scores stay all; so do sweeps that were uploaded or learnt from."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+
+from inspector.stores import AbstractStore
+from inspector.stores.records import StoredRecording
+
+DAY_NS = 86_400_000_000_000
+BATCH = 500
+
+
+@dataclass(frozen=True)
+class Retention:
+    """What is asked for."""
+
+    ok_one_in: int = 1
+    """Of a product's parts that are OK, the first stays and then one in so many, 1 or more; of all others every one."""
+    days: float = 30.0
+    """What ended longer ago goes, whatever it was."""
+    disk_share: float = 0.8
+    """Where more of the disk is full, recordings go: the oldest OK first, then the oldest of all others."""
+
+
+@dataclass(frozen=True)
+class Disk:
+    """How full the disk is, in bytes."""
+
+    used: int
+    free: int
+    """What this program may still write; what is reserved for root is in neither."""
+
+    @classmethod
+    def of(cls, folder: Path) -> Disk:
+        """The disk that the folder is on."""
+        usage = shutil.disk_usage(folder)
+        return cls(usage.used, usage.free)
+
+    def over(self, share: float) -> int:
+        """Bytes that must go until no more than the share is full.
+
+        >>> Disk(used=90, free=10).over(0.8), Disk(used=70, free=30).over(0.8)
+        (10, 0)
+        """
+        return max(0, round(self.used - share * (self.used + self.free)))
+
+
+@dataclass(frozen=True)
+class Tidied:
+    """What was done."""
+
+    removed: int
+    bytes: int
+    failures: tuple[str, ...]
+    """A sentence for each file that could not be removed."""
+
+
+def due(recording: StoredRecording, rules: Retention, now_ns: int) -> str | None:
+    """Why a recording goes, however much room there is; None where it stays."""
+    if recording.ended_ns is not None and now_ns - recording.ended_ns > rules.days * DAY_NS:
+        return f"it ended more than {rules.days:g} days before"
+    if recording.ok_number is not None and (recording.ok_number - 1) % rules.ok_one_in:
+        return f"of parts that are OK, one in {rules.ok_one_in} is kept"
+    return None
+
+
+def crowded_out(recordings: Iterable[StoredRecording], over: int) -> Iterator[StoredRecording]:
+    """Those that make room for so many bytes: the oldest OK first, then the others, oldest first.
+
+    `recordings` are in order of age.
+    """
+    for recording in sorted(recordings, key=lambda each: each.verdict != "OK"):
+        if over <= 0:
+            return
+        over -= recording.bytes
+        yield recording
+
+
+def tidy(
+    store: AbstractStore,
+    path_of: Callable[[str], Path],
+    rules: Retention,
+    now_ns: int,
+    *,
+    disk: Callable[[], Disk],
+    enough: Callable[[], bool] = lambda: False,
+) -> Tidied:
+    """Remove what need not stay until it is `enough`, and say so in the store; what is being written is left alone.
+
+    `path_of` gives the file of an inspection. One that cannot be removed stays in the store, and is tried again next
+    time.
+    """
+    kept: list[StoredRecording] = []
+    removed: list[StoredRecording] = []
+    failures: list[str] = []
+
+    def remove(recording: StoredRecording, why: str) -> None:
+        try:
+            path_of(recording.inspection_id).unlink(missing_ok=True)
+        except OSError as error:
+            failures.append(f"recording {recording.inspection_id} cannot be removed: {error.strerror or error}")
+            return
+        store.set_recording(recording.inspection_id, "removed", note=why)
+        removed.append(recording)
+
+    for recording in takewhile(lambda _: not enough(), _kept(store)):
+        why = due(recording, rules, now_ns)
+        remove(recording, why) if why else kept.append(recording)
+    over = disk().over(rules.disk_share)
+    for recording in takewhile(lambda _: not enough(), crowded_out(kept, over)):
+        remove(recording, f"more than {rules.disk_share * 100:g} % of the disk was full")
+    return Tidied(len(removed), sum(each.bytes for each in removed), tuple(failures))
+
+
+def _kept(store: AbstractStore) -> Iterator[StoredRecording]:
+    """The oldest first, in batches: there may be very many, and others want to use the store meanwhile."""
+    after = None
+    while batch := store.recordings("kept", after, BATCH):
+        yield from batch
+        after = batch[-1].number

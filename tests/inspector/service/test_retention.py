@@ -1,0 +1,191 @@
+"""Which recordings stay."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from inspector.service import retention
+from inspector.service.folder import new_id
+from inspector.service.retention import DAY_NS, Disk, Retention, crowded_out, due, tidy
+from inspector.service.service import Service
+from inspector.settings import Settings
+from inspector.stores import AbstractStore, open_store
+from inspector.stores.records import StoredAppearance, StoredRecording
+
+NOW = 1_000 * DAY_NS
+OK = StoredRecording("i", 1, "plate", "completed", "OK", "live", NOW, 1, 100)
+NG = replace(OK, verdict="NG", ok_number=None)
+ABORTED = replace(NG, state="aborted", verdict=None)
+
+
+def test_of_ok_parts_the_first_stays_and_then_one_in_so_many() -> None:
+    rules = Retention(ok_one_in=3)
+    stays = [number for number in range(1, 11) if due(replace(OK, ok_number=number), rules, NOW) is None]
+    assert stays == [1, 4, 7, 10]
+    assert all(due(replace(OK, ok_number=number), Retention(), NOW) is None for number in range(1, 11))
+
+
+@pytest.mark.parametrize("recording", [NG, ABORTED, replace(NG, verdict="REVIEW"), replace(NG, verdict="INVALID")])
+def test_what_is_not_ok_stays_as_long_as_its_days(recording: StoredRecording) -> None:
+    rules = Retention(ok_one_in=1000, days=2.5)
+    assert due(recording, rules, NOW + round(2.5 * DAY_NS)) is None
+    assert due(recording, rules, NOW + round(2.5 * DAY_NS) + 1) == "it ended more than 2.5 days before"
+
+
+@given(used=st.integers(0, 10**15), free=st.integers(0, 10**15), share=st.floats(0.01, 1))
+def test_what_is_over_the_share_is_exactly_too_much(used: int, free: int, share: float) -> None:
+    over = Disk(used, free).over(share)
+    assert 0 <= over <= used
+    assert used - over <= share * (used + free) + 1
+    if over:
+        assert used - over >= share * (used + free) - 1
+
+
+@given(
+    parts=st.lists(st.tuples(st.sampled_from(["OK", "NG", "REVIEW", None]), st.integers(0, 50))),
+    over=st.integers(0, 500),
+)
+def test_the_oldest_ok_go_first_then_the_others_and_no_more_than_needed(
+    parts: list[tuple[str | None, int]], over: int
+) -> None:
+    recordings = [replace(OK, number=k, verdict=verdict, bytes=size) for k, (verdict, size) in enumerate(parts)]
+    gone = list(crowded_out(recordings, over))
+    order = [each for each in recordings if each.verdict == "OK"] + [
+        each for each in recordings if each.verdict != "OK"
+    ]
+    assert gone == order[: len(gone)]
+    assert len(gone) == len(recordings) or sum(each.bytes for each in gone) >= over
+    assert not gone or sum(each.bytes for each in gone[:-1]) < over
+
+
+class Folder:
+    """Recordings of 100 bytes on a disk of 1000."""
+
+    def __init__(self, path: Path, store: AbstractStore) -> None:
+        self.path, self.store = path, store
+        store.ensure_product("plate", 0)
+        store.add_appearance(StoredAppearance("a", "plate", 0, (), {}, (), 0))
+
+    def add(self, inspection_id: str, verdict: str | None, ended_ns: int = NOW) -> None:
+        """An inspection; one without a verdict is still being recorded."""
+        self.store.begin_inspection(
+            inspection_id, "plate", part_id=None, recipe_id=None, appearance_id="a", policy={}, begun_ns=0
+        )
+        self.of(inspection_id).write_bytes(bytes(100))
+        if verdict is not None:
+            self.store.conclude_inspection(
+                inspection_id, "completed", verdict=verdict, ended_ns=ended_ns, result=None, scores=None
+            )
+            self.store.set_recording(inspection_id, "kept", 100)
+
+    def of(self, inspection_id: str) -> Path:
+        return self.path / f"{inspection_id}.mcap"
+
+    def disk(self) -> Disk:
+        used = sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
+        return Disk(used, 1000 - used)
+
+    def tidy(self, rules: Retention, now_ns: int = NOW) -> retention.Tidied:
+        return tidy(self.store, self.of, rules, now_ns, disk=self.disk)
+
+    def there(self) -> str:
+        """What the files and the store agree on."""
+        files = {file.stem for file in self.path.iterdir() if file.is_file()}
+        kept = {each.inspection_id for state in ("kept", "being written") for each in self.store.recordings(state)}
+        assert files == kept
+        return "".join(sorted(files))
+
+
+@pytest.fixture(params=[1, 500])
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[Folder]:
+    monkeypatch.setattr(retention, "BATCH", request.param)
+    with open_store("memory:") as store:
+        yield Folder(tmp_path, store)
+
+
+def test_what_is_due_goes_and_the_store_says_why(folder: Folder) -> None:
+    for name, verdict in zip("abcde", ["OK", "OK", "NG", "OK", "OK"], strict=True):
+        folder.add(name, verdict)
+    folder.add("f", "NG", ended_ns=NOW - 31 * DAY_NS)
+    done = folder.tidy(Retention(ok_one_in=2))
+    assert (done.removed, done.bytes, done.failures) == (3, 300, ())
+    assert folder.there() == "acd"
+    gone = folder.store.inspection("b")
+    assert (gone.recording, gone.recording_bytes, gone.verdict) == ("removed", 0, "OK")
+    assert gone.recording_note == "of parts that are OK, one in 2 is kept"
+    assert folder.store.inspection("f").recording_note == "it ended more than 30 days before"
+    assert folder.tidy(Retention(ok_one_in=2)).removed == 0
+
+
+def test_a_short_disk_takes_the_oldest_ok_first_and_never_what_is_being_written(folder: Folder) -> None:
+    folder.add("a", None)
+    for name, verdict in zip("bcdefg", ["NG", "OK", "NG", "OK", "OK", "NG"], strict=True):
+        folder.add(name, verdict)
+    left = []
+    for share in (0.7, 0.5, 0.35, 0.2, 0.01):
+        folder.tidy(Retention(disk_share=share))
+        left.append(folder.there())
+    assert left == ["abcdefg", "abdfg", "adg", "ag", "a"]
+    assert folder.store.inspection("c").recording_note == "more than 50 % of the disk was full"
+
+
+def test_it_ends_where_the_service_does(folder: Folder) -> None:
+    for name in "abc":
+        folder.add(name, "NG", ended_ns=0)
+    answers = iter([False, False, True, True])
+    done = tidy(folder.store, folder.of, Retention(), NOW, disk=folder.disk, enough=lambda: next(answers))
+    assert (done.removed, folder.there()) == (2, "c")
+    with_no_days = Retention(days=10_000, disk_share=0.01)
+    assert tidy(folder.store, folder.of, with_no_days, NOW, disk=folder.disk, enough=lambda: True).removed == 0
+
+
+def test_a_file_that_cannot_be_removed_is_told_and_tried_again(folder: Folder) -> None:
+    folder.add("a", "NG", ended_ns=0)
+    folder.add("b", "NG", ended_ns=0)
+    folder.of("a").unlink()
+    folder.of("a").mkdir()
+    done = folder.tidy(Retention())
+    assert done.removed == 1
+    assert [text.startswith("recording a cannot be removed: ") for text in done.failures] == [True]
+    assert folder.store.inspection("a").recording == "kept"
+    folder.of("a").rmdir()
+    assert folder.tidy(Retention()).removed == 1
+    assert folder.there() == ""
+
+
+def test_the_disk_is_asked_of_the_system(tmp_path: Path) -> None:
+    disk = Disk.of(tmp_path)
+    assert disk.used > 0
+    assert disk.free >= 0
+
+
+def test_a_service_removes_what_is_due(tmp_path: Path) -> None:
+    settings = Settings(data=tmp_path, keep_days=30, keep_disk_share=1, scorers=1)
+    old, young = new_id(), new_id()
+
+    async def serve() -> tuple[str, str]:
+        service = Service(settings)
+        await service.start()
+        try:
+            async with asyncio.timeout(30):
+                while service.store.inspection(old).recording == "kept":
+                    await asyncio.sleep(0.01)
+            return service.store.inspection(old).recording, service.store.inspection(young).recording
+        finally:
+            await service.stop("test")
+
+    (tmp_path / "inspections").mkdir()
+    with open_store(settings.database_url) as store:
+        folder = Folder(tmp_path / "inspections", store)
+        folder.add(old, "NG", ended_ns=0)
+        folder.add(young, "NG", ended_ns=time.time_ns())
+    assert asyncio.run(serve()) == ("removed", "kept")
+    assert [file.stem for file in (tmp_path / "inspections").iterdir()] == [young]
