@@ -78,7 +78,7 @@ class Settings(BaseSettings):
     keep_days: Annotated[float, Field(gt=0)] = 30.0
     """Recordings of inspections are removed after so many days."""
     keep_disk_share: Share = 0.8
-    """Where more of the disk than this share is full, recordings are removed, the oldest OK first."""
+    """Share of the room that recordings and the free disk make up; beyond it they are removed, the oldest OK first."""
 
     cameras: dict[str, str] = Field(default_factory=dict)
     """Cameras that sweeps can be recorded from, by name. JSON in the environment: `{"top": "opencv:0"}`."""

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
+from math import ceil
 from pathlib import Path
 
 from inspector.stores import AbstractStore
@@ -24,30 +25,24 @@ class Retention:
     days: float = 30.0
     """What ended longer ago goes, whatever it was."""
     disk_share: float = 0.8
-    """Where more of the disk is full, recordings go: the oldest OK first, then the oldest of all others."""
+    """Recordings fill no more than this share of what they and the free disk make up: else the oldest OK go first, then
+    the oldest of all others."""
 
 
-@dataclass(frozen=True)
-class Disk:
-    """How full the disk is, in bytes."""
+def over(recorded: int, free: int, share: float) -> int:
+    """Bytes that must go until recordings fill no more than the share of their room: they, and what is free.
 
-    used: int
-    free: int
-    """What this program may still write; what is reserved for root is in neither."""
+    What other programs keep on the disk does not count: a disk that was nearly full leaves less room, but some.
 
-    @classmethod
-    def of(cls, folder: Path) -> Disk:
-        """The disk that the folder is on."""
-        usage = shutil.disk_usage(folder)
-        return cls(usage.used, usage.free)
+    >>> over(90, 10, 0.8), over(70, 30, 0.8), over(0, 0, 0.8)
+    (10, 0, 0)
+    """
+    return max(0, ceil(recorded - share * (recorded + free)))
 
-    def over(self, share: float) -> int:
-        """Bytes that must go until no more than the share is full.
 
-        >>> Disk(used=90, free=10).over(0.8), Disk(used=70, free=30).over(0.8)
-        (10, 0)
-        """
-        return max(0, round(self.used - share * (self.used + self.free)))
+def free_bytes(folder: Path) -> int:
+    """What this program may still write to the disk that the folder is on."""
+    return shutil.disk_usage(folder).free
 
 
 @dataclass(frozen=True)
@@ -69,15 +64,15 @@ def due(recording: StoredRecording, rules: Retention, now_ns: int) -> str | None
     return None
 
 
-def crowded_out(recordings: Iterable[StoredRecording], over: int) -> Iterator[StoredRecording]:
+def crowded_out(recordings: Iterable[StoredRecording], too_much: int) -> Iterator[StoredRecording]:
     """Those that make room for so many bytes: the oldest OK first, then the others, oldest first.
 
     `recordings` are in order of age.
     """
     for recording in sorted(recordings, key=lambda each: each.verdict != "OK"):
-        if over <= 0:
+        if too_much <= 0:
             return
-        over -= recording.bytes
+        too_much -= recording.bytes
         yield recording
 
 
@@ -87,13 +82,13 @@ def tidy(
     rules: Retention,
     now_ns: int,
     *,
-    disk: Callable[[], Disk],
+    free: Callable[[], int],
     enough: Callable[[], bool] = lambda: False,
 ) -> Tidied:
     """Remove what need not stay until it is `enough`, and say so in the store; what is being written is left alone.
 
-    `path_of` gives the file of an inspection. One that cannot be removed stays in the store, and is tried again next
-    time.
+    `path_of` gives the file of an inspection, `free` the bytes that are free on its disk. A file that cannot be
+    removed stays in the store, and is tried again next time.
     """
     kept: list[StoredRecording] = []
     removed: list[StoredRecording] = []
@@ -111,9 +106,9 @@ def tidy(
     for recording in takewhile(lambda _: not enough(), _kept(store)):
         why = due(recording, rules, now_ns)
         remove(recording, why) if why else kept.append(recording)
-    over = disk().over(rules.disk_share)
-    for recording in takewhile(lambda _: not enough(), crowded_out(kept, over)):
-        remove(recording, f"more than {rules.disk_share * 100:g} % of the disk was full")
+    too_much = over(sum(each.bytes for each in kept), free(), rules.disk_share)
+    for recording in takewhile(lambda _: not enough(), crowded_out(kept, too_much)):
+        remove(recording, f"recordings filled more than {rules.disk_share * 100:g} % of their room on the disk")
     return Tidied(len(removed), sum(each.bytes for each in removed), tuple(failures))
 
 

@@ -19,7 +19,7 @@ from inspector.service.jobs import Jobs
 from inspector.service.learning import Learning
 from inspector.service.metrics import Metrics
 from inspector.service.replays import Replays
-from inspector.service.retention import DAY_NS, Disk, Retention, tidy
+from inspector.service.retention import DAY_NS, Retention, free_bytes, tidy
 from inspector.service.running import Bounds
 from inspector.service.sweeps import Sweeps
 from inspector.settings import CORES, Settings
@@ -123,8 +123,8 @@ class Service:
         settings, now = self.settings, self.now_ns()
         self.store.forget_claims(now - DAY_NS)
         rules = Retention(settings.keep_ok_one_in, settings.keep_days, settings.keep_disk_share)
-        disk = partial(Disk.of, self.folder.path)
-        done = tidy(self.store, self.folder.inspection, rules, now, disk=disk, enough=self._stopping.is_set)
+        free = partial(free_bytes, self.folder.path)
+        done = tidy(self.store, self.folder.inspection, rules, now, free=free, enough=self._stopping.is_set)
         for failure in done.failures:
             log.error("recording", state="kept", error=failure)
         if done.removed:

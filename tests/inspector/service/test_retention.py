@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from inspector.service import retention
 from inspector.service.folder import new_id
-from inspector.service.retention import DAY_NS, Disk, Retention, crowded_out, due, tidy
+from inspector.service.retention import DAY_NS, Retention, crowded_out, due, free_bytes, over, tidy
 from inspector.service.service import Service
 from inspector.settings import Settings
 from inspector.stores import AbstractStore, open_store
@@ -40,13 +40,18 @@ def test_what_is_not_ok_stays_as_long_as_its_days(recording: StoredRecording) ->
     assert due(recording, rules, NOW + round(2.5 * DAY_NS) + 1) == "it ended more than 2.5 days before"
 
 
-@given(used=st.integers(0, 10**15), free=st.integers(0, 10**15), share=st.floats(0.01, 1))
-def test_what_is_over_the_share_is_exactly_too_much(used: int, free: int, share: float) -> None:
-    over = Disk(used, free).over(share)
-    assert 0 <= over <= used
-    assert used - over <= share * (used + free) + 1
-    if over:
-        assert used - over >= share * (used + free) - 1
+@given(recorded=st.integers(0, 10**15), free=st.integers(0, 10**15), share=st.floats(0.01, 1))
+def test_what_is_over_the_share_is_exactly_too_much(recorded: int, free: int, share: float) -> None:
+    too_much = over(recorded, free, share)
+    assert 0 <= too_much <= recorded
+    assert recorded - too_much <= share * (recorded + free)
+    if too_much:
+        assert recorded - too_much >= share * (recorded + free) - 1
+
+
+def test_what_others_keep_on_the_disk_costs_room_but_never_all_recordings() -> None:
+    assert over(100, 0, 0.8) == 20
+    assert over(100, 10**12, 0.8) == 0
 
 
 @given(
@@ -89,12 +94,11 @@ class Folder:
     def of(self, inspection_id: str) -> Path:
         return self.path / f"{inspection_id}.mcap"
 
-    def disk(self) -> Disk:
-        used = sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
-        return Disk(used, 1000 - used)
+    def free(self) -> int:
+        return 1000 - sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
 
     def tidy(self, rules: Retention, now_ns: int = NOW) -> retention.Tidied:
-        return tidy(self.store, self.of, rules, now_ns, disk=self.disk)
+        return tidy(self.store, self.of, rules, now_ns, free=self.free)
 
     def there(self) -> str:
         """What the files and the store agree on."""
@@ -129,22 +133,23 @@ def test_a_short_disk_takes_the_oldest_ok_first_and_never_what_is_being_written(
     folder.add("a", None)
     for name, verdict in zip("bcdefg", ["NG", "OK", "NG", "OK", "OK", "NG"], strict=True):
         folder.add(name, verdict)
-    left = []
-    for share in (0.7, 0.5, 0.35, 0.2, 0.01):
+    left: list[str] = []
+    for share in (0.7, 0.5, 0.34, 0.3, 0.01):
         folder.tidy(Retention(disk_share=share))
         left.append(folder.there())
-    assert left == ["abcdefg", "abdfg", "adg", "ag", "a"]
-    assert folder.store.inspection("c").recording_note == "more than 50 % of the disk was full"
+    assert left == ["abcdefg", "abdfg", "abdg", "adg", "a"]
+    why = folder.store.inspection("c").recording_note
+    assert why == "recordings filled more than 50 % of their room on the disk"
 
 
 def test_it_ends_where_the_service_does(folder: Folder) -> None:
     for name in "abc":
         folder.add(name, "NG", ended_ns=0)
     answers = iter([False, False, True, True])
-    done = tidy(folder.store, folder.of, Retention(), NOW, disk=folder.disk, enough=lambda: next(answers))
+    done = tidy(folder.store, folder.of, Retention(), NOW, free=folder.free, enough=lambda: next(answers))
     assert (done.removed, folder.there()) == (2, "c")
     with_no_days = Retention(days=10_000, disk_share=0.01)
-    assert tidy(folder.store, folder.of, with_no_days, NOW, disk=folder.disk, enough=lambda: True).removed == 0
+    assert tidy(folder.store, folder.of, with_no_days, NOW, free=folder.free, enough=lambda: True).removed == 0
 
 
 def test_a_file_that_cannot_be_removed_is_told_and_tried_again(folder: Folder) -> None:
@@ -162,9 +167,7 @@ def test_a_file_that_cannot_be_removed_is_told_and_tried_again(folder: Folder) -
 
 
 def test_the_disk_is_asked_of_the_system(tmp_path: Path) -> None:
-    disk = Disk.of(tmp_path)
-    assert disk.used > 0
-    assert disk.free >= 0
+    assert free_bytes(tmp_path) > 0
 
 
 def test_a_service_removes_what_is_due(tmp_path: Path) -> None:
