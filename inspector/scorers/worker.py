@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import cv2
+import numpy as np
 
 from inspector.learner import load_appearance
 from inspector.scorers.inspected import Concluded, Inspected, Names
@@ -26,6 +27,8 @@ from inspector.scorers.tape import Recorded, Tape, TapeThread
 from inspector.scorers.wire import Head, pack, receive
 from models.appearance import Appearance
 from models.errors import AppearanceError, InspectionError
+from models.frame import Frame
+from models.inspection import begin, conclude, step
 from models.verdict import Policy
 
 _KEPT = 8
@@ -65,7 +68,7 @@ class Worker:
         self._tapes.finish()
 
     def _load(self, head: Head, _: bytes) -> None:
-        self._appearance(head)
+        warm(self._appearance(head))
 
     def _begin(self, head: Head, _: bytes) -> None:
         appearance = self._appearance(head)
@@ -122,6 +125,14 @@ class Worker:
         while len(self._appearances) > _KEPT:
             self._appearances.popitem(last=False)
         return self._appearances[wanted]
+
+
+def warm(appearance: Appearance) -> None:
+    """Inspect a reference picture: what is made or imported at the first frame is there when a part comes."""
+    pixels = np.clip(appearance.references.get(0).picture, 0, 255).astype(np.uint8)
+    frame = Frame(pixels, 0, 0)
+    if frame.kind == appearance.references.kind:
+        conclude(step(begin(appearance), frame)[0])
 
 
 def main() -> None:

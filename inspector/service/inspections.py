@@ -207,8 +207,7 @@ class Inspections:
     async def _begin(self, product_id: str, part_id: str, recipe_id: str | None) -> StoredInspection:
         recipe = await in_thread(self._recipe, product_id, recipe_id)
         policy = Policy(**recipe.policy)
-        scorer = self.pool.least()
-        if scorer is None:
+        if self.pool.least() is None:
             raise AtCapacity("the processes that score are being started")
         inspection_id = new_id()
         begin = partial(
@@ -220,6 +219,8 @@ class Inspections:
         names = {"inspection_id": inspection_id, "product_id": product_id, "part_id": part_id}
         names |= {"recipe_id": recipe.recipe_id}
         facts = names | {"appearance_id": recipe.appearance_id}
+        # Chosen now, and pinned before anybody else has a turn.
+        scorer = self.pool.least() or self.pool.scorers[0]
         running = Running(facts, scorer, self._around)
         self._running[inspection_id] = running
         running.begin(

@@ -80,6 +80,9 @@ class Around:
     """Of the pictures of all inspections that wait."""
 
 
+_SEARCHING = 10
+
+
 class Load:
     """How much of a scorer's time an inspection needs to keep up with its camera, by the frames' own clock.
 
@@ -88,6 +91,7 @@ class Load:
 
     def __init__(self) -> None:
         self._work = self._interval = 0.0
+        self._frames = 0
         self._last: int | None = None
 
     @property
@@ -102,8 +106,10 @@ class Load:
         self._last = t_ns
 
     def took(self, seconds: float) -> None:
-        """A frame was decoded, scored and recorded."""
-        self._work = _mean(self._work, seconds)
+        """A frame was decoded, scored and recorded; the first ones, which look for their place, say little."""
+        self._frames += 1
+        if self._frames > _SEARCHING:
+            self._work = _mean(self._work, seconds)
 
 
 def _mean(so_far: float, value: float) -> float:

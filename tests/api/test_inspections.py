@@ -1,0 +1,321 @@
+"""Inspections by REST: from begin to acknowledge, and everything that can be asked wrongly."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import time
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from api.app import create_app
+from inspector.recording import SweepReader
+from inspector.service.service import Service
+from inspector.settings import read_settings
+from models.verdict import Policy
+from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, learnt, picture, post, teach
+
+HERE = "http://127.0.0.1"
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestClient, Service]]:
+    settings = read_settings(
+        data=tmp_path_factory.mktemp("station") / "data", scorers=1, max_pixels=1_000_000, max_body=200_000
+    )
+    app = create_app(settings)
+    with TestClient(app, base_url=HERE) as client:
+        teach(app.state.service)
+        yield client, app.state.service
+
+
+@pytest.fixture
+def client(station: tuple[TestClient, Service]) -> TestClient:
+    return station[0]
+
+
+@pytest.fixture
+def service(station: tuple[TestClient, Service]) -> Service:
+    return station[1]
+
+
+def wrong(answer: Any, status: int, said: str) -> dict[str, Any]:
+    """It is a problem document that says what was wrong."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem = answer.json()
+    assert problem["status"] == status
+    assert said in problem["detail"]
+    return problem
+
+
+def test_from_begin_to_acknowledge(client: TestClient):
+    inspection = begin(client)
+    first = post(client, inspection, frames()[0]).json()
+    assert first["kind"] == "scored"
+    assert first["index"] == 0
+    going = client.get(f"/v1/inspections/{inspection}").json()
+    assert (going["state"], going["verdict"], going["frames_scored"]) == ("processing", None, 1)
+    wrong(client.get(f"/v1/inspections/{inspection}/result"), 409, "is processing")
+    wrong(client.get(f"/v1/inspections/{inspection}/recording"), 409, "is processing")
+    wrong(client.post(f"/v1/inspections/{inspection}/acknowledge"), 409, "is processing")
+    feed(client, inspection, frames()[1:])
+    result = client.post(f"/v1/inspections/{inspection}/conclude").json()
+    assert result["verdict"] == "NG"
+    assert result["inspection_id"] == inspection
+    assert (result["result_state"], result["is_partial"], result["is_simulated"]) == ("completed", False, False)
+    assert len(result["frames"]) == len(frames())
+    assert client.get(f"/v1/inspections/{inspection}/result").json() == result
+    bare = client.get(f"/v1/inspections/{inspection}/result?frames=false").json()
+    assert bare == {name: value for name, value in result.items() if name != "frames"}
+    noted = client.post(f"/v1/inspections/{inspection}/acknowledge").json()["acknowledged_ns"]
+    assert client.post(f"/v1/inspections/{inspection}/acknowledge").json()["acknowledged_ns"] == noted
+    assert client.get(f"/v1/inspections/{inspection}").json()["state"] == "completed"
+
+
+def test_what_was_recorded_is_what_was_scored(client: TestClient, tmp_path: Path):
+    inspection = begin(client)
+    feed(client, inspection, frames(GOOD))
+    client.post(f"/v1/inspections/{inspection}/conclude")
+    path = tmp_path / "it.mcap"
+    path.write_bytes(client.get(f"/v1/inspections/{inspection}/recording").content)
+    recording = SweepReader(path)
+    assert [(f.t_ns, f.sequence, f.encoded.data if f.encoded else b"") for f in recording] == [
+        (f.t_ns, f.sequence, picture(f)) for f in frames(GOOD)
+    ]
+    assert recording.facts["inspection_id"] == inspection
+    assert recording.losses == ()
+
+
+def test_scores_can_be_read_while_it_runs_and_ever_after(client: TestClient):
+    inspection = begin(client)
+    feed(client, inspection, frames()[:6])
+    path = f"/v1/inspections/{inspection}/scores"
+    live = client.get(path).json()
+    assert [each["index"] for each in live["items"]] == [0, 1, 2, 3, 4, 5]
+    assert [each["index"] for each in client.get(f"{path}?after=3").json()["items"]] == [4, 5]
+    assert client.get(f"{path}?after={live['next']}").json()["items"] == []
+    client.post(f"/v1/inspections/{inspection}/conclude")
+    after = client.get(f"{path}?after=1&limit=2").json()
+    assert (after["state"], after["next"], [each["index"] for each in after["items"]]) == ("completed", 3, [2, 3])
+    assert after["items"][0] == {k: v for k, v in live["items"][2].items() if k not in ("n", "kind", "sequence")}
+
+
+def test_a_frame_that_is_sent_again_is_not_scored_twice(client: TestClient):
+    inspection = begin(client)
+    first = post(client, inspection, frames()[0])
+    assert post(client, inspection, frames()[0]).json() == first.json()
+    jpeg = {"content-type": "image/jpeg", "idempotency-key": "frame-1"}
+    path = f"/v1/inspections/{inspection}/frames"
+    once = client.post(path, content=picture(frames()[1]), headers=jpeg).json()
+    assert client.post(path, content=picture(frames()[1]), headers=jpeg).json() == once
+    assert client.get(f"/v1/inspections/{inspection}").json()["frames_scored"] == 2
+    assert post(client, inspection, frames()[5], sequence=5).status_code == 200
+    wrong(post(client, inspection, frames()[3], sequence=3), 409, "the next number is 6")
+
+
+def test_begin_and_conclude_may_be_retried_by_their_key(client: TestClient):
+    asked = {"json": {"product_id": PRODUCT, "part_id": "0008"}, "headers": {"idempotency-key": "part-0008"}}
+    begun = client.post("/v1/inspections", **asked)
+    again = client.post("/v1/inspections", **asked)
+    assert again.json() == begun.json()
+    inspection = begun.json()["inspection_id"]
+    feed(client, inspection, frames()[:6])
+    key = {"idempotency-key": "end-0008"}
+    once = client.post(f"/v1/inspections/{inspection}/conclude", headers=key)
+    assert client.post(f"/v1/inspections/{inspection}/conclude", headers=key).json() == once.json()
+    wrong(client.post(f"/v1/inspections/{inspection}/conclude"), 409, "is completed already")
+
+
+def test_after_conclude_nothing_more_is_taken_and_nothing_is_lost(client: TestClient):
+    inspection = begin(client)
+    feed(client, inspection, frames()[:6])
+    result = client.post(f"/v1/inspections/{inspection}/conclude").json()
+    wrong(post(client, inspection, frames()[7]), 409, "is completed already")
+    wrong(client.post(f"/v1/inspections/{inspection}/conclude"), 409, "is completed already")
+    wrong(client.post(f"/v1/inspections/{inspection}/abort"), 409, "is completed already")
+    assert client.get(f"/v1/inspections/{inspection}/result").json() == result
+
+
+def bomb(width: int, height: int) -> bytes:
+    """A small PNG that announces so many pixels."""
+
+    def part(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    pixels = zlib.compress(bytes(min((width + 1) * height, 1 << 20)))
+    return b"\x89PNG\r\n\x1a\n" + part(b"IHDR", header) + part(b"IDAT", pixels) + part(b"IEND", b"")
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status", "said"),
+    [
+        (lambda: picture(frames()[0])[:-400], "image/jpeg", 422, "jpeg"),
+        (lambda: b"", "image/jpeg", 422, "0 bytes"),
+        (lambda: b"GIF89a....", "image/png", 422, "unknown kind"),
+        (lambda: bomb(60_000, 60_000), "image/png", 422, "60000x60000"),
+        (lambda: bomb(16, 16), "image/png", 422, "16x16"),
+        (lambda: picture(frames()[0]), "text/plain", 415, "text/plain"),
+        (lambda: picture(frames()[0]), "", 415, "allowed is image/jpeg"),
+        (lambda: bytes(300_000), "image/jpeg", 413, "200000"),
+    ],
+)
+def test_what_is_no_picture_of_the_part_is_refused_in_words(
+    client: TestClient, content: Any, kind: str, status: int, said: str
+):
+    inspection = begin(client)
+    post(client, inspection, frames()[0])
+    headers = {"content-type": kind} if kind else {}
+    wrong(client.post(f"/v1/inspections/{inspection}/frames", content=content(), headers=headers), status, said)
+    assert post(client, inspection, frames()[6], sequence=None).status_code == 200
+    result = client.post(f"/v1/inspections/{inspection}/conclude").json()
+    assert len(result["frames"]) == 2
+    assert result["frames_dropped"] == (1 if status == 422 else 0)
+
+
+def test_a_body_of_four_gigabytes_is_refused_by_what_it_announces(client: TestClient):
+    headers = {"content-type": "image/jpeg", "content-length": str(4 << 30)}
+    wrong(client.post(f"/v1/inspections/{begin(client)}/frames", content=b"", headers=headers), 413, "200000")
+
+
+@pytest.mark.parametrize("path", ["frames", "conclude", "abort", "acknowledge"])
+def test_what_is_not_there_is_told(client: TestClient, path: str):
+    jpeg = {"content-type": "image/jpeg"} if path == "frames" else {}
+    wrong(client.post(f"/v1/inspections/{'0' * 32}/{path}", content=b"", headers=jpeg), 404, "no inspection")
+
+
+@pytest.mark.parametrize("path", ["", "/result", "/scores", "/recording"])
+def test_what_is_not_there_cannot_be_read(client: TestClient, path: str):
+    wrong(client.get(f"/v1/inspections/{'0' * 32}{path}"), 404, "no inspection")
+
+
+@pytest.mark.parametrize(
+    ("asked", "status", "said"),
+    [
+        ({"product_id": "unknown", "part_id": "1"}, 404, "no product 'unknown'"),
+        ({"product_id": PRODUCT, "part_id": "1", "recipe_id": "none"}, 404, "no recipe"),
+        ({"product_id": PRODUCT}, 422, "part_id"),
+        ({"product_id": "../etc", "part_id": "1"}, 422, "product_id"),
+        ({"product_id": PRODUCT, "part_id": "a\nb"}, 422, "part_id"),
+        ({"product_id": PRODUCT, "part_id": "1", "speed": 3}, 422, "speed"),
+    ],
+)
+def test_an_inspection_of_nothing_known_is_not_begun(client: TestClient, asked: Any, status: int, said: str):
+    wrong(client.post("/v1/inspections", json=asked), status, said)
+
+
+def test_a_product_without_a_recipe_says_what_is_missing(client: TestClient, service: Service):
+    service.store.ensure_product("bare", service.now_ns())
+    wrong(client.post("/v1/inspections", json={"product_id": "bare", "part_id": "1"}), 409, "no active recipe")
+
+
+def test_an_aborted_inspection_is_never_ok(client: TestClient):
+    inspection = begin(client)
+    feed(client, inspection, frames(GOOD))
+    result = client.post(f"/v1/inspections/{inspection}/abort", json={"reason": "the part fell off"}).json()
+    assert (result["result_state"], result["is_partial"], result["verdict"]) == ("aborted", True, "INCOMPLETE")
+    assert result["reasons"][0] == "aborted: the part fell off"
+    told = client.get(f"/v1/inspections/{inspection}").json()
+    assert (told["state"], told["reason"]) == ("aborted", "the part fell off")
+
+
+def test_a_sweep_that_the_line_stopped_because_of_ng_stays_ng(client: TestClient):
+    inspection = begin(client)
+    feed(client, inspection, frames()[:30])
+    assert client.post(f"/v1/inspections/{inspection}/conclude", json={"stopped": True}).json()["verdict"] == "NG"
+
+
+def test_lists_are_newest_first_and_cheap_to_poll(client: TestClient):
+    made = [begin(client, f"list-{number}") for number in range(3)]
+    for inspection in made:
+        client.post(f"/v1/inspections/{inspection}/conclude")
+    page = client.get("/v1/inspections?limit=2")
+    assert [each["inspection_id"] for each in page.json()["items"]] == made[:0:-1]
+    rest = client.get(f"/v1/inspections?limit=2&after={page.json()['next']}").json()
+    assert rest["items"][0]["inspection_id"] == made[0]
+    again = client.get("/v1/inspections?limit=2", headers={"if-none-match": page.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    invalid = client.get("/v1/inspections?verdict=INVALID&limit=200").json()["items"]
+    assert {each["verdict"] for each in invalid} == {"INVALID"}
+    assert set(made) <= {each["inspection_id"] for each in invalid}
+
+
+def test_the_policy_is_the_recipes(client: TestClient, service: Service):
+    teach(service, Policy(sensitivity=0.01))
+    try:
+        inspection = begin(client)
+        feed(client, inspection)
+        result = client.post(f"/v1/inspections/{inspection}/conclude").json()
+    finally:
+        teach(service)
+    assert result["verdict"] == "OK"
+    assert result["appearance_id"] == learnt().id
+
+
+def test_when_the_scorer_dies_the_inspection_says_so_and_the_next_one_runs(client: TestClient, service: Service):
+    inspection = begin(client)
+    feed(client, inspection, frames()[:3])
+    scorer = service.inspections.pool.scorers[0]
+    assert scorer.pid is not None
+    os.kill(scorer.pid, signal.SIGKILL)
+    deadline = time.monotonic() + 60
+    while (told := client.get(f"/v1/inspections/{inspection}").json())["state"] == "processing":
+        assert time.monotonic() < deadline
+    assert told["state"] == "failed"
+    assert "ended unexpectedly" in told["reason"]
+    gone = client.get(f"/v1/inspections/{inspection}/result").json()
+    assert (gone["verdict"], gone["result_state"], gone["is_partial"]) == (None, "failed", True)
+    while client.get("/readyz").status_code != 200:
+        assert time.monotonic() < deadline
+    feed(client, begin(client), frames()[:2])
+
+
+def test_what_is_idle_is_aborted_and_one_too_many_is_refused(tmp_path: Path):
+    settings = read_settings(data=tmp_path / "data", scorers=1, idle_seconds=1.5, max_inspections=2)
+    app = create_app(settings)
+    with TestClient(app, base_url=HERE) as client:
+        teach(app.state.service)
+        idle, _ = begin(client), begin(client)
+        refused = client.post("/v1/inspections", json={"product_id": PRODUCT, "part_id": "3"})
+        wrong(refused, 503, "2 are running, 2 are allowed")
+        assert int(refused.headers["retry-after"]) > 0
+        deadline = time.monotonic() + 30
+        while (told := client.get(f"/v1/inspections/{idle}").json())["state"] == "processing":
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        assert (told["state"], told["reason"]) == ("aborted", "no frame came for 1.5 s")
+
+
+def test_what_was_processing_when_the_service_ended_is_aborted_and_can_be_read(tmp_path: Path):
+    app = create_app(read_settings(data=tmp_path / "data", scorers=1))
+    with TestClient(app, base_url=HERE) as client:
+        teach(app.state.service)
+        inspection = begin(client)
+        feed(client, inspection, frames()[:12])
+    again = create_app(read_settings(data=tmp_path / "data", scorers=1))
+    with TestClient(again, base_url=HERE) as client:
+        told = client.get(f"/v1/inspections/{inspection}").json()
+        assert (told["state"], told["reason"]) == ("aborted", "the service was stopped")
+        assert len(client.get(f"/v1/inspections/{inspection}/result").json()["frames"]) == 12
+        path = tmp_path / "it.mcap"
+        path.write_bytes(client.get(f"/v1/inspections/{inspection}/recording").content)
+        assert len(list(SweepReader(path))) == 12
+
+
+def test_metrics_tell_frames_verdicts_and_where_the_time_goes(client: TestClient):
+    feed(client, begin(client), frames()[:2])
+    told = client.get("/metrics").text
+    for name in ("inspector_frames_total", "inspector_verdicts_total", "inspector_frame_seconds_bucket"):
+        assert name in told
+    for stage in ("wait", "decode", "score", "record", "total"):
+        assert f'inspector_frame_seconds_count{{stage="{stage}"}}' in told
+    assert "inspector_event_loop_held_seconds_count" in told
+    assert json.dumps(PRODUCT) in told
