@@ -3,7 +3,8 @@
 inspector.errors.StoreError
 ├── UnknownStore             a url whose scheme no store has
 ├── StoreNotOpened           a database that is not there, does not answer, or is none of ours
-│   └── NewerStore           a database that a newer program has written
+│   ├── NewerStore           a database that a newer program has written
+│   └── StoreInUse           a database that another service works on
 ├── StoreFailed              a database that failed while it was used: disk full, server gone
 ├── NoSuch                   an id that nothing has
 │   ├── NoSuchProduct
@@ -72,6 +73,13 @@ class NewerStore(StoreNotOpened):
         super().__init__(
             place, f"a newer program has written it (revision {found}, known is {known}); use that program"
         )
+
+
+class StoreInUse(StoreNotOpened):
+    """A database that another service works on."""
+
+    def __init__(self, place: str) -> None:
+        super().__init__(place, "another service works on it; stop it, or name another database")
 
 
 class StoreFailed(StoreError):
@@ -421,8 +429,15 @@ class AbstractStore(ABC):
     # The store itself.
 
     @abstractmethod
+    def reserve(self) -> None:
+        """For one service at a time, until it is closed or killed: it ends what others left running when it starts.
+
+        Does nothing on SQLite, where the service locks its data folder. Raises StoreInUse.
+        """
+
+    @abstractmethod
     def ping(self) -> None:
-        """Return where the database answers. Raises StoreFailed."""
+        """Return where the database answers, and is still reserved, where it was. Raises StoreFailed, StoreInUse."""
 
     @abstractmethod
     def close(self) -> None:

@@ -37,20 +37,21 @@ class Database:
     @contextmanager
     def reading(self) -> Generator[Connection]:
         """A transaction that only reads. Raises StoreFailed."""
-        with self._told(), self.engine.connect() as connection:
+        with self.told(), self.engine.connect() as connection:
             yield connection
 
     @contextmanager
     def writing(self) -> Generator[Connection]:
         """A transaction: done in the end, undone where something is raised. Raises StoreFailed."""
         turn = self.writers if self.engine.dialect.name == "sqlite" else nullcontext()
-        with turn, self._told(), self.engine.connect() as plain:
+        with turn, self.told(), self.engine.connect() as plain:
             connection = plain.execution_options(writing=True)
             with connection.begin():
                 yield connection
 
     @contextmanager
-    def _told(self) -> Generator[None]:
+    def told(self) -> Generator[None]:
+        """What the database raises becomes StoreFailed."""
         try:
             yield
         except self.errors as error:

@@ -14,11 +14,14 @@ from inspector.stores.sql.jobs import Jobs
 from inspector.stores.sql.migrating import migrate
 from inspector.stores.sql.products import Products
 from inspector.stores.sql.recipes import Recipes
+from inspector.stores.sql.reservation import Reservation
 
 
 @final
 class SqlStore(Products, Jobs, Recipes, Inspections, Access, Claims):
     """A store on SQLite or PostgreSQL."""
+
+    _reservation: Reservation | None = None
 
     @classmethod
     def open(cls, url: str) -> Self:
@@ -30,9 +33,19 @@ class SqlStore(Products, Jobs, Recipes, Inspections, Access, Claims):
             raise
         return cls(database)
 
+    def reserve(self) -> None:
+        if self._database.engine.dialect.name == "postgresql" and self._reservation is None:
+            self._reservation = Reservation(self._database)
+
     def ping(self) -> None:
-        with self._database.reading() as connection:
-            connection.execute(text("SELECT 1"))
+        if self._reservation is None:
+            with self._database.reading() as connection:
+                connection.execute(text("SELECT 1"))
+        else:
+            self._reservation.renew()
 
     def close(self) -> None:
+        if self._reservation is not None:
+            self._reservation.release()
+            self._reservation = None
         self._database.engine.dispose()
