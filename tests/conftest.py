@@ -1,8 +1,14 @@
 """One BLAS thread per worker of pytest-xdist: two with two each wait for each other. The same examples every time."""
 
 import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
+import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from tests.postgresql import Server
 
 # NumPy reads these when it is loaded. Here that may have been, by a plugin; workers are started later, and inherit.
 for library in ("OPENBLAS", "OMP", "MKL"):
@@ -11,3 +17,12 @@ for library in ("OPENBLAS", "OMP", "MKL"):
 # Other examples are searched for by hand, with `pytest --hypothesis-profile=default`: not on somebody else's change.
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> "Iterator[Server]":
+    """One server for all tests of a worker that ask for it."""
+    from tests.postgresql import server
+
+    with server() as running:
+        yield running

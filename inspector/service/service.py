@@ -105,6 +105,7 @@ class Service:
 
     def _recover(self) -> None:
         """In a thread: what a crash left behind."""
+        self.store.reserve()
         self.store.release_pending_claims()
         for job_id in self.store.fail_running_jobs(self.now_ns(), KILLED):
             log.warning("job", job_id=job_id, state="failed", error=KILLED)
