@@ -9,7 +9,23 @@ from typing import Any
 
 from fastapi import FastAPI
 
-from api import docs, errors, events, health, inspections, stream
+from api import (
+    audit,
+    docs,
+    errors,
+    events,
+    health,
+    inspections,
+    jobs,
+    learning,
+    products,
+    recipes,
+    rejudge,
+    replays,
+    stream,
+    sweeps,
+    tokens,
+)
 from api.guard import Guard
 from api.schemas import Problem
 from inspector.service.service import Service
@@ -17,10 +33,19 @@ from inspector.settings import Settings, read_settings
 
 ROUTERS = (
     health.router,
+    products.router,
+    sweeps.router,
+    learning.router,
+    jobs.router,
+    recipes.router,
+    rejudge.router,
     inspections.router,
     stream.router,
+    replays.router,
     events.router,
-)  # fmt: skip
+    audit.router,
+    tokens.router,
+)
 ALWAYS: dict[int | str, dict[str, Any]] = {
     401: {"model": Problem, "description": "A token is needed, or this one is not known."},
     403: {"model": Problem, "description": "This token's role is not enough, or the request comes from elsewhere."},

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import suppress
 from typing import Annotated, Any, ParamSpec, TypeVar
 
-from fastapi import Depends, Query
+from fastapi import Depends, Path, Query
 from fastapi.concurrency import run_in_threadpool
 from fastapi.requests import HTTPConnection, Request
 from fastapi.responses import Response
@@ -65,6 +65,11 @@ PRODUCT = f"^{NAME.pattern}$"
 """What products may be called."""
 PART = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]{1,128}$"
 """What parts may be called: 1 to 128 printable characters."""
+
+TEXT = r"^[^\x00]*$"
+"""Free text; databases know no zero in one."""
+ProductId = Annotated[str, Path(pattern=PRODUCT, description="1 to 64 letters, digits, '.', '_', '-'.")]
+Id = Annotated[str, Path(pattern=r"^[A-Za-z0-9:._-]{1,100}$", description="As the service gave it.")]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:

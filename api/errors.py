@@ -14,6 +14,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.requests import Request
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from inspector.cameras.base import CameraNotOpened, CameraStopped
 from inspector.errors import (
@@ -178,6 +179,11 @@ def install(app: FastAPI) -> None:
         log.error("unexpected error", path=request.url.path, method=request.method, exc_info=error)
         return problem(500, "Unexpected error", "something went wrong here; the log of the service says what")
 
+    async def gone(request: Request, error: ClientDisconnect) -> Response:
+        log.debug("client gone", path=request.url.path)
+        return problem(400, TITLES[400], "the connection broke off before the body ended")
+
+    app.add_exception_handler(ClientDisconnect, gone)  # pyright: ignore[reportArgumentType]
     app.add_exception_handler(InspectionError, ours)  # pyright: ignore[reportArgumentType]
     app.add_exception_handler(RequestValidationError, invalid)  # pyright: ignore[reportArgumentType]
     app.add_exception_handler(HTTPException, http)  # pyright: ignore[reportArgumentType]

@@ -42,12 +42,15 @@ class Guard:
         await self._answer(scope, receive, send)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        limit, seen, status = self._limit(scope["path"]), 0, 500
-        declared = Headers(scope=scope).get("content-length", "")
+        limit, seen, status, headers = self._limit(scope["path"]), 0, 500, Headers(scope=scope)
+        declared = headers.get("content-length", "")
+        # Whether a part of the body is still on its way.
+        coming = "transfer-encoding" in headers or declared not in ("", "0")
 
         async def counted() -> Message:
-            nonlocal seen
+            nonlocal seen, coming
             message = await receive()
+            coming = coming and message.get("more_body", False)
             seen += len(message.get("body", b""))
             if seen > limit:
                 raise BodyTooLarge(limit)
@@ -58,6 +61,9 @@ class Guard:
             if message["type"] == "http.response.start":
                 status = int(message["status"])
                 MutableHeaders(scope=message).update(HEADERS)
+                if coming:
+                    # What nobody reads would otherwise be waited for, gigabytes of it.
+                    MutableHeaders(scope=message)["Connection"] = "close"
             await send(message)
 
         try:

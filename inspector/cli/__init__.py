@@ -1,4 +1,4 @@
-"""The command line: `inspector record | learn | replay | evaluate | detectability | demo`; errors are single lines.
+"""The command line: `inspector record | learn | replay | evaluate | detectability | demo | serve`; errors in one line.
 
 Exit codes: 0 did its job, 1 an inspection could not be made, 2 wrong usage, 3 `replay --fail-on-ng`, 130 interrupted.
 """
@@ -18,10 +18,11 @@ from inspector.cli.evaluate import evaluate
 from inspector.cli.learn import learn
 from inspector.cli.record import record
 from inspector.cli.replay import replay
+from inspector.cli.serve import serve
 from models.errors import InspectionError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-for command in (record, learn, replay, evaluate, detectability, demo):
+for command in (record, learn, replay, evaluate, detectability, demo, serve):
     app.command()(command)
 
 

@@ -5,8 +5,8 @@
 before it: schemas, file, framing, summary, ros, raw_images, decoding, writer, scored, reading, reader.
 """
 
-from inspector.recording.reader import Drop, SweepReader, count_frames
+from inspector.recording.reader import Drop, SweepReader, begins_as_mcap, count_frames
 from inspector.recording.scored import ScoredWriter
 from inspector.recording.writer import SweepWriter
 
-__all__ = ["Drop", "ScoredWriter", "SweepReader", "SweepWriter", "count_frames"]
+__all__ = ["Drop", "ScoredWriter", "SweepReader", "SweepWriter", "begins_as_mcap", "count_frames"]

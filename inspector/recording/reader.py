@@ -79,12 +79,17 @@ def find_recording(path: Path) -> Path:
         path = found[0]
     try:
         with path.open("rb") as file:
-            start = file.read(len(MAGIC))
+            begins_as_mcap(path, file.read(len(MAGIC)))
     except OSError as error:
         raise NotARecording(path, error.strerror or str(error)) from error
-    if start != MAGIC:
-        raise NotARecording(path, _why_not(start))
     return path
+
+
+def begins_as_mcap(path: Path, start: bytes) -> bool:
+    """True for the first bytes of a recording, 8 or more; raises NotARecording for others."""
+    if start[: len(MAGIC)] != MAGIC:
+        raise NotARecording(path, _why_not(start[: len(MAGIC)]))
+    return True
 
 
 def _why_not(start: bytes) -> str:

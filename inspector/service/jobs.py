@@ -132,7 +132,7 @@ class Jobs:
         except InspectionError as trouble:
             # The next start finds the job running, and fails it.
             _log.error("job not stored", job_id=job.job_id, state=state, error=str(trouble))
-        names = {"kind": job.kind, "job_id": job.job_id, "product_id": job.product_id}
+        names = {"work": job.kind, "job_id": job.job_id, "product_id": job.product_id}
         _log.info("job", **names, state=state, error=error, seconds=round((self._now_ns() - job.created_ns) / 1e9, 3))
         self._metrics.jobs.labels(job.kind, state).inc()
         self._events.publish_soon("job", **names, state=state, error=error, **(outcome or {}))

@@ -1,0 +1,101 @@
+"""Learning: golden sweeps into an appearance, as a job."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from fastapi import APIRouter
+from fastapi.requests import Request
+from fastapi.responses import Response
+from pydantic import AfterValidator, BaseModel, Field
+
+from api.deps import After, Engineer, Id, Limit, ProductId, ServiceDep, Viewer, in_thread, once, problems, tagged
+from api.jobs import Accepted
+from api.schemas import Asked
+from inspector.stores.records import StoredAppearance
+
+router = APIRouter(prefix="/v1/products/{product_id}/appearances", tags=["learning"])
+
+
+def _different(ids: list[str]) -> list[str]:
+    if len(set(ids)) < len(ids):
+        raise ValueError("one of them is named twice; a sweep counts once")
+    return ids
+
+
+Ids = Annotated[list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=100)]
+
+
+class Learn(Asked):
+    """Golden sweeps; the first is the map, as on the command line."""
+
+    sweep_ids: Annotated[Ids, AfterValidator(_different)]
+    add_to: Annotated[str | None, Field(max_length=100)] = None
+    """An appearance that these sweeps, confirmed good, are added to; it stays as it is, and a new one is made."""
+
+
+class AppearanceOut(BaseModel):
+    """What was learnt; named by the hash of its bytes."""
+
+    appearance_id: str
+    product_id: str
+    created_ns: int
+    sweep_ids: list[str]
+    facts: dict[str, Any]
+    """Of the learning: sweeps, size, what it promises, what was left out."""
+    said: list[str]
+    """What should be looked at before it is trusted, a sentence each."""
+    bytes: int
+
+
+class AppearancePage(BaseModel):
+    """Some of them, newest first."""
+
+    items: list[AppearanceOut]
+    next: int | None
+    """Ask with `after` set to this for what follows; null where nothing does."""
+
+
+@router.post("", status_code=202, response_model=Accepted, responses=problems(404, 409, 503))
+async def learn(request: Request, product_id: ProductId, asked: Learn, service: ServiceDep, who: Engineer) -> Response:
+    """Learn how a good part looks. The same sweeps in the same order give the same appearance, here and elsewhere."""
+
+    async def do() -> tuple[int, BaseModel]:
+        await in_thread(service.learning.check, product_id, asked.sweep_ids, asked.add_to)
+        job = await service.jobs.begin(
+            "learn",
+            product_id,
+            asked.model_dump(),
+            lambda progress: service.learning.learn(progress, product_id, asked.sweep_ids, asked.add_to),
+        )
+        return 202, Accepted(job_id=job.job_id)
+
+    return await once(request, service, who, do)
+
+
+@router.get("", response_model=AppearancePage, responses=problems(404))
+async def appearances(
+    *,
+    request: Request,
+    product_id: ProductId,
+    service: ServiceDep,
+    who: Viewer,
+    after: After = None,
+    limit: Limit = 50,
+) -> Response:
+    """Everything that was learnt of a product."""
+    page = await in_thread(service.store.appearances, product_id, after, limit)
+    return tagged(request, AppearancePage(items=[_told(each) for each in page.items], next=page.next))
+
+
+@router.get("/{appearance_id}", response_model=AppearanceOut, responses=problems(404))
+async def appearance(
+    request: Request, product_id: ProductId, appearance_id: Id, service: ServiceDep, who: Viewer
+) -> Response:
+    """One of them."""
+    return tagged(request, _told(await in_thread(service.store.appearance, product_id, appearance_id)))
+
+
+def _told(appearance: StoredAppearance) -> AppearanceOut:
+    return AppearanceOut(**asdict(appearance))

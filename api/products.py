@@ -1,0 +1,60 @@
+"""Products: the kinds of part that are inspected here."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from fastapi.requests import Request
+from fastapi.responses import Response
+from pydantic import BaseModel
+
+from api.deps import After, Limit, ProductId, ServiceDep, Viewer, in_thread, problems, tagged
+from api.recipes import RecipeOut, recipe_out
+from inspector.service.service import Service
+from inspector.stores.records import Product
+
+router = APIRouter(prefix="/v1/products", tags=["products"])
+
+
+class ProductOut(BaseModel):
+    """A product."""
+
+    product_id: str
+    created_ns: int
+    active_recipe: RecipeOut | None
+    """What its parts are inspected by."""
+
+
+class ProductPage(BaseModel):
+    """Some of them, newest first."""
+
+    items: list[ProductOut]
+    next: int | None
+    """Ask with `after` set to this for what follows; null where nothing does."""
+
+
+@router.get("", response_model=ProductPage)
+async def products(
+    request: Request, service: ServiceDep, who: Viewer, after: After = None, limit: Limit = 50
+) -> Response:
+    """All products. One comes into being with its first sweep."""
+
+    def read() -> ProductPage:
+        page = service.store.products(after, limit)
+        return ProductPage(items=[_told(service, product) for product in page.items], next=page.next)
+
+    return tagged(request, await in_thread(read))
+
+
+@router.get("/{product_id}", response_model=ProductOut, responses=problems(404))
+async def product(request: Request, product_id: ProductId, service: ServiceDep, who: Viewer) -> Response:
+    """A product, and what its parts are inspected by."""
+    return tagged(request, await in_thread(lambda: _told(service, service.store.product(product_id))))
+
+
+def _told(service: Service, product: Product) -> ProductOut:
+    active = service.store.active_recipe(product.product_id)
+    return ProductOut(
+        product_id=product.product_id,
+        created_ns=product.created_ns,
+        active_recipe=None if active is None else recipe_out(active),
+    )
