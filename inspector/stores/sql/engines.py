@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,9 @@ def _sqlite_file(rest: str) -> Database:
         raise StoreNotOpened(f"sqlite:{rest}", "it names no file; allowed is sqlite:FOLDER/FILE")
     if not path.parent.is_dir():
         raise StoreNotOpened(f"sqlite:{name}", f"there is no folder {path.parent}")
+    # A new file is its owner's alone, and so is its log. What keeps it from being made, SQLite says better.
+    with suppress(OSError):
+        path.touch(0o600)
     return _sqlite(str(path), f"sqlite:{name}", CONNECTIONS)
 
 

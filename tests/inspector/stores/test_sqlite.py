@@ -26,6 +26,13 @@ def test_a_path_may_be_written_as_sqlalchemy_has_it(tmp_path: Path, form: str) -
     assert path.read_bytes().startswith(b"SQLite format 3")
 
 
+def test_a_new_file_is_its_owners_alone(tmp_path: Path) -> None:
+    with open_store(f"sqlite:{tmp_path}/here.sqlite") as store:
+        store.ensure_product("plate", 1)
+        modes = {file.name: file.stat().st_mode & 0o777 for file in tmp_path.iterdir()}
+        assert modes == dict.fromkeys(["here.sqlite", "here.sqlite-wal", "here.sqlite-shm"], 0o600)
+
+
 def test_every_connection_writes_ahead_syncs_and_keeps_references(tmp_path: Path) -> None:
     with open_store(f"sqlite:{tmp_path}/here.sqlite") as store:
         with engine(store).connect() as one, engine(store).connect() as two:
