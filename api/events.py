@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import AsyncGenerator
 from functools import lru_cache
 from typing import Annotated
@@ -30,9 +31,9 @@ async def events(
 ) -> Response:
     """Everything that happens from now on, or since `Last-Event-ID`.
 
-    `begun`, `scores` (four times a second: [index, s, score, state] of each frame, and the drops), `deviation_opened`,
-    `deviation_closed`, `early_ng`, `verdict`, `aborted`, `station`, `job`; `missed` where some are lost: read the
-    lists again.
+    First comes the `station` as it is, then `begun`, `scores` (four times a second: [index, s, score, state] of each
+    frame, and the drops), `deviation_opened`, `deviation_closed`, `early_ng`, `verdict`, `aborted`, `station`, `job`;
+    `missed` where some can not be told any more: read the lists again.
     """
     service.events.check_room()
     return StreamingResponse(
@@ -42,7 +43,8 @@ async def events(
 
 async def _told(service: Service, last_id: str | None) -> AsyncGenerator[bytes]:
     with service.events.listening():
-        yield format_sse_event(retry=1000, comment="events follow")
+        station = json.dumps({"state": service.inspections.state, "running": len(service.inspections.running)})
+        yield format_sse_event(retry=1000, event="station", data_str=station)
         async for event in service.events.since(last_id):
             yield QUIET if event is None else _formatted(event)
 

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from inspector.errors import RecordingError
 from inspector.recording import SweepWriter
 from models.frame import Frame
 
@@ -95,5 +94,6 @@ class Tape:
         if self.note is None:
             try:
                 action()
-            except (RecordingError, OSError) as error:
-                self.note = str(error)
+            except Exception as error:
+                # Whatever it is: the thread goes on for the other tapes, and the inspection without a recording.
+                self.note = str(error) or type(error).__name__

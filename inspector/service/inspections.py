@@ -96,12 +96,11 @@ class Inspections:
         max_pixels: int,
         bounds: Bounds,
         idle_seconds: float,
-        on_stored: Callable[[StoredInspection], object] = lambda stored: None,
     ) -> None:
         self.pool = Pool(scorers, max_pixels)
         self.stopping = False
         self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
-        self._max, self._idle_seconds, self._on_stored = max_inspections, idle_seconds, on_stored
+        self._max, self._idle_seconds = max_inspections, idle_seconds
         self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes)
         self._running: dict[str, Running] = {}
         self._ended: OrderedDict[str, Running] = OrderedDict()
@@ -287,9 +286,7 @@ class Inspections:
             reason=reason,
         )
         kept = "kept" if facts["bytes"] else "none"
-        stored = self._store.set_recording(inspection_id, kept, facts["bytes"], facts["note"])
-        self._on_stored(stored)
-        return stored
+        return self._store.set_recording(inspection_id, kept, facts["bytes"], facts["note"])
 
     async def _lose(self, running: Running, why: str) -> None:
         """The scorer is gone: what is on the disk stays, a verdict there is none."""
