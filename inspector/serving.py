@@ -7,6 +7,7 @@ inspector.errors.WorldError
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import signal
 import socket
@@ -77,6 +78,9 @@ class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await self._service.start()
         await super().startup(sockets)
+        # What is there now stays: to look through all of it for rubbish would hold up frames for a tenth of a second.
+        gc.collect()
+        gc.freeze()
         self._on_ready()
         token = await asyncio.to_thread(self._service.access.make_first)
         if token is not None:

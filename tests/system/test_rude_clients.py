@@ -98,14 +98,15 @@ def test_who_listens_to_events_and_never_reads(served: Served, client: httpx2.Cl
 
 
 def told(answer: httpx2.Response) -> Iterator[tuple[int, str, dict[str, Any]]]:
-    """Number, kind and data of each event, as they come."""
+    """Number, kind and data of each event, as they come; the first, how the station is, has no number."""
     fields: dict[str, str] = {}
     for line in answer.iter_lines():
         name, _, value = line.partition(": ")
         if line:
             fields[name] = value
-        elif "data" in fields:
-            yield int(fields["id"].rpartition("-")[2]), fields["event"], json.loads(fields["data"])
+        else:
+            if "id" in fields:
+                yield int(fields["id"].rpartition("-")[2]), fields["event"], json.loads(fields["data"])
             fields = {}
 
 
