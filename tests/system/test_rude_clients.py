@@ -123,7 +123,7 @@ def test_who_listens_hears_the_part_from_begin_to_verdict(served: Served, client
     with client.stream("GET", "/v1/events") as answer:
         assert answer.headers["content-type"].startswith("text/event-stream")
         inspection = begin(client, "heard")
-        with stream(served, inspection) as socket:
+        with stream(served, inspection, close_timeout=0.1) as socket:
             for frame in frames()[:25]:
                 socket.send(sent(frame))
             socket.send('{"kind": "conclude", "stopped": true}')

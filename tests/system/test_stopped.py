@@ -1,0 +1,61 @@
+"""The service is asked to stop in the middle of inspections: what is in flight is scored, the rest is told."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import httpx2
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from inspector.recording import SweepReader
+from inspector.service.folder import DataFolder
+from inspector.stores import open_store
+from tests.api.stations import PRODUCT, frames, sent, teach
+from tests.system.serving import serve
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    folder = DataFolder(tmp_path / "data")
+    store = open_store(f"sqlite:{folder.path / 'service.sqlite'}")
+    teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
+    store.close()
+    folder.close()
+    return tmp_path / "data"
+
+
+def test_what_is_in_flight_is_scored_files_are_closed_and_the_rest_is_aborted_and_told(data: Path):
+    said: list[dict[str, Any]] = []
+    with serve(data) as served:
+        asked = {"product_id": PRODUCT, "part_id": "half"}
+        inspection = httpx2.post(f"{served.url}/v1/inspections", json=asked).json()["inspection_id"]
+        with connect(f"{served.url.replace('http', 'ws')}/v1/inspections/{inspection}/stream") as stream:
+            for frame in frames()[:20]:
+                stream.send(sent(frame))
+            while not any(each["kind"] == "scored" for each in said):
+                said.append(json.loads(stream.recv()))
+            served.process.terminate()
+            with pytest.raises(ConnectionClosed) as closed:
+                said += map(json.loads, iter(stream.recv, None))
+        assert served.process.wait(60) == 0
+    scored = [each["sequence"] for each in said if each["kind"] == "scored"]
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1012
+    assert said[-1]["kind"] == "aborted"
+    assert said[-1]["reason"] == "the service was stopped"
+    result = said[-1]["result"]
+    assert (result["result_state"], result["verdict"], result["is_partial"]) == ("aborted", "INCOMPLETE", True)
+    assert len(result["frames"]) == len(scored)
+    assert scored == [frame.sequence for frame in frames()[: len(scored)]]
+    recording = SweepReader(data / "inspections" / f"{inspection}.mcap")
+    assert [frame.sequence for frame in recording] == scored
+    assert recording.losses == ()
+    with serve(data) as served:
+        known = httpx2.get(f"{served.url}/v1/inspections/{inspection}/result").json()
+    assert known == result
