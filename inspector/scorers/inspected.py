@@ -109,7 +109,7 @@ class Inspected:
             promise=promised,
             result_id=names.result_id,
             with_frames=False,
-        ) | {"inspection_id": names.inspection_id}
+        ) | {"inspection_id": names.inspection_id, "stopped": stopped}
         if aborted is not None:
             record |= {"result_state": "aborted", "is_partial": True}
         full = record | {"frames": frame_records(result.frames)}
