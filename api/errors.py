@@ -28,6 +28,7 @@ from inspector.errors import (
 )
 from inspector.files import NotWritten
 from inspector.policies import PolicyRefused
+from inspector.result_json import BadRecord
 from inspector.scores_json import ScoresUnreadable
 from inspector.service.access import AccessRefused, RoleTooLow
 from inspector.service.desk import DeskClosed, WorkerDied, WorkFailed
@@ -93,6 +94,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     # What is wrong here.
     AppearanceError: Kind(500, "Stored file damaged"),
     ScoresUnreadable: Kind(500, "Stored scores damaged"),
+    BadRecord: Kind(500, "Stored result damaged"),
     OutputExists: Kind(500, "File exists already"),
     WorkerDied: Kind(500, "Process ended"),
     CameraNotOpened: Kind(502, "Camera does not answer"),

@@ -1,16 +1,29 @@
-"""Result -> JSON, by the names that scripts outside rely on; written whole or not at all."""
+"""Result -> JSON, by the names that scripts outside rely on, and back; written whole or not at all.
+
+inspector.errors.WorldError
+└── BadRecord                a record that tells of no result
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
+from inspector.errors import WorldError
 from inspector.files import write_new
 from models.limits import Promise
-from models.verdict import Deviation, Region, Result, ScoredFrame
+from models.verdict import Deviation, Judgement, Region, Result, ScoredFrame
+
+
+class BadRecord(WorldError):
+    """A record that tells of no result."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(f"this is not the record of a concluded inspection: {why}")
 
 
 def result_record(
@@ -86,6 +99,34 @@ def frame_record(frame: ScoredFrame) -> dict[str, object]:
         },
         "regions": [_region(region) for region in frame.regions],
     }
+
+
+def result_of(record: Mapping[str, Any]) -> Result:
+    """The result that a record tells of, without its frames; numbers are as exact as there. Raises BadRecord."""
+    try:
+        return Result(
+            verdict=Judgement(record["verdict"]),
+            reasons=tuple(record["reasons"]),
+            coverage=record["coverage"],
+            frames_scored=record["frames_scored"],
+            frames_dropped=record["frames_dropped"],
+            deviations=tuple(_deviation_of(each) for each in record["deviations"]),
+            appearance_id=record["appearance_id"],
+            digest=record["digest"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadRecord(str(error)) from error
+
+
+def _deviation_of(record: Mapping[str, Any]) -> Deviation:
+    known = _known(Deviation, record)
+    known["regions"] = tuple(Region(**_known(Region, each)) for each in record["regions"])
+    return Deviation(**known)
+
+
+def _known(kind: type[Deviation | Region], record: Mapping[str, Any]) -> dict[str, Any]:
+    """Without the names that a later version added."""
+    return {each.name: record[each.name] for each in fields(kind)}
 
 
 def number(value: float) -> float:

@@ -1,6 +1,6 @@
-"""The command line: `inspector record | learn | replay | evaluate | detectability | demo | serve`; errors in one line.
+"""The command line: `inspector record | learn | replay | evaluate | push | serve | ...`; errors are single lines.
 
-Exit codes: 0 did its job, 1 an inspection could not be made, 2 wrong usage, 3 `replay --fail-on-ng`, 130 interrupted.
+Exit codes: 0 did its job, 1 an inspection could not be made, 2 wrong usage, 3 `--fail-on-ng`, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from inspector.cli.demo import demo
 from inspector.cli.detectability import detectability
 from inspector.cli.evaluate import evaluate
 from inspector.cli.learn import learn
+from inspector.cli.push import push
 from inspector.cli.record import record
 from inspector.cli.replay import replay
 from inspector.cli.serve import serve
 from models.errors import InspectionError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-for command in (record, learn, replay, evaluate, detectability, demo, serve):
+for command in (record, learn, replay, evaluate, detectability, demo, serve, push):
     app.command()(command)
 
 

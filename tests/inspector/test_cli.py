@@ -27,7 +27,7 @@ from tests.inspector.conftest import Line
 from tests.inspector.line import SPOT, cut, url
 
 Captured = pytest.CaptureFixture[str]
-COMMANDS = ("record", "learn", "replay", "evaluate", "detectability", "demo", "serve")
+COMMANDS = ("record", "learn", "replay", "evaluate", "detectability", "demo", "serve", "push")
 
 
 def told(capsys: Captured, *arguments: object) -> tuple[int, str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +11,8 @@ import pytest
 from inspector.errors import OutputExists
 from inspector.recording import SweepReader
 from inspector.replay import replay
-from inspector.result_json import frame_records, result_record, write_result
+from inspector.report import sentences
+from inspector.result_json import BadRecord, frame_records, result_of, result_record, write_result
 from models.limits import promise
 from models.verdict import Deviation, FrameState, Judgement, Region, Residuals, Result, ScoredFrame
 from tests.inspector.conftest import Line
@@ -55,6 +56,21 @@ def test_every_name_and_value_is_there(tmp_path: Path) -> None:
         "coverage": 0.998, "frames_scored": 398, "frames_dropped": 2, "digest": "sha256:d",
         "promise": None,
     }  # fmt: skip
+
+
+def test_a_record_tells_of_the_same_result_even_where_a_later_version_added_names() -> None:
+    record = json.loads(json.dumps(result_record(RESULT, {}, is_simulated=True)))
+    later = record | {"news": 1, "deviations": [each | {"news": 1} for each in record["deviations"]]}
+    later["deviations"][0]["regions"][0]["news"] = 1
+    for each in (record, later):
+        assert result_of(each) == replace(RESULT, frames=())
+        assert list(sentences(result_of(each))) == list(sentences(RESULT))
+
+
+@pytest.mark.parametrize("change", [{"verdict": "FINE"}, {"deviations": [{}]}, {"deviations": 5}, {"reasons": None}])
+def test_what_is_no_record_is_told_so(change: dict[str, object]) -> None:
+    with pytest.raises(BadRecord, match="not the record of a concluded inspection"):
+        result_of(result_record(RESULT, {}, is_simulated=True) | change)
 
 
 def test_what_the_limits_were_set_by_is_there_for_whoever_judges_the_scores_again() -> None:
