@@ -80,4 +80,6 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     for router in ROUTERS:
         app.include_router(router, responses=ALWAYS if router is not health.router else None)
     docs.install(app)
+    # Makes every route ready, which else the first request does, and holds up frames meanwhile.
+    app.openapi()
     return app

@@ -79,7 +79,6 @@ class _Server(uvicorn.Server):
         await self._service.start()
         await super().startup(sockets)
         # What is there now stays: to look through all of it for rubbish would hold up frames for a tenth of a second.
-        gc.collect()
         gc.freeze()
         self._on_ready()
         token = await asyncio.to_thread(self._service.access.make_first)
