@@ -294,6 +294,19 @@ def test_what_is_idle_is_aborted_and_one_too_many_is_refused(tmp_path: Path):
         assert (told["state"], told["reason"]) == ("aborted", "no frame came for 1.5 s")
 
 
+def test_where_what_runs_needs_all_of_the_scorers_one_more_is_refused_until_it_has_ended(client: TestClient):
+    greedy = begin(client)
+    # By its own times this camera makes ten thousand pictures a second.
+    for number, frame in enumerate(frames()[:30]):
+        assert post(client, greedy, frame, t_ns=1_000_000_000 + 100_000 * number).status_code == 200
+    refused = client.post("/v1/inspections", json={"product_id": PRODUCT, "part_id": "one more"})
+    wrong(refused, 503, "of the scorers' time")
+    assert int(refused.headers["retry-after"]) > 0
+    assert post(client, greedy, frames()[30], t_ns=2_000_000_000).status_code == 200
+    assert client.post(f"/v1/inspections/{greedy}/conclude").status_code == 200
+    client.post(f"/v1/inspections/{begin(client)}/abort")
+
+
 def test_what_was_processing_when_the_service_ended_is_aborted_and_can_be_read(tmp_path: Path):
     app = create_app(read_settings(data=tmp_path / "data", scorers=1))
     with TestClient(app, base_url=HERE) as client:
