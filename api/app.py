@@ -47,9 +47,12 @@ ROUTERS = (
     tokens.router,
 )
 ALWAYS: dict[int | str, dict[str, Any]] = {
+    400: {"model": Problem, "description": "The body cannot be read."},
     401: {"model": Problem, "description": "A token is needed, or this one is not known."},
     403: {"model": Problem, "description": "This token's role is not enough, or the request comes from elsewhere."},
+    413: {"model": Problem, "description": "The body is larger than allowed."},
     422: {"model": Problem, "description": "Something in the request is not allowed."},
+    503: {"model": Problem, "description": "Not now: try again after the seconds in `Retry-After`."},
 }
 
 

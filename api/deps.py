@@ -69,7 +69,9 @@ PART = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]{1,128}$"
 TEXT = r"^[^\x00]*$"
 """Free text; databases know no zero in one."""
 ProductId = Annotated[str, Path(pattern=PRODUCT, description="1 to 64 letters, digits, '.', '_', '-'.")]
-Id = Annotated[str, Path(pattern=r"^[A-Za-z0-9:._-]{1,100}$", description="As the service gave it.")]
+IDENTITY = r"^[A-Za-z0-9:._-]{1,100}$"
+"""What an id looks like that the service gave."""
+Id = Annotated[str, Path(pattern=IDENTITY, description="As the service gave it.")]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:

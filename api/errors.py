@@ -172,6 +172,8 @@ def install(app: FastAPI) -> None:
         said = error.detail
         if error.status_code == 404 and said == "Not Found":
             said = f"there is nothing at {request.url.path}; /docs tells what there is"
+        if error.status_code == 400 and said == "There was an error parsing the body":
+            said = "the body cannot be read; allowed is JSON, in UTF-8"
         if error.status_code == 405:
             said = f"{request.method} is not possible at {request.url.path}"
         title = TITLES.get(error.status_code, "Not possible")

@@ -5,12 +5,28 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path, Query
+from fastapi import APIRouter, Header, Query
 from fastapi.requests import Request
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel, Field
 
-from api.deps import JSON, PART, PRODUCT, After, Limit, Operator, ServiceDep, Viewer, in_thread, once, problems, tagged
+from api.deps import (
+    IDENTITY,
+    JSON,
+    PART,
+    PRODUCT,
+    TEXT,
+    After,
+    Id,
+    Limit,
+    Operator,
+    ServiceDep,
+    Viewer,
+    in_thread,
+    once,
+    problems,
+    tagged,
+)
 from api.errors import WrongType, problem
 from api.schemas import Asked
 from inspector.protocol import SentFrame
@@ -24,7 +40,6 @@ from inspector.stores.records import InspectionSource, InspectionState, StoredIn
 router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
 PICTURES = ("image/jpeg", "image/png", "image/webp", "image/bmp", "image/tiff")
 MAX_SCORES = 10_000
-Id = Annotated[str, Path(max_length=64, description="Of the inspection.")]
 
 
 class Begin(Asked):
@@ -33,7 +48,7 @@ class Begin(Asked):
     product_id: Annotated[str, Field(pattern=PRODUCT)]
     part_id: Annotated[str, Field(pattern=PART)]
     """The serial number."""
-    recipe_id: str | None = None
+    recipe_id: Annotated[str | None, Field(pattern=IDENTITY)] = None
     """None for the active one."""
 
 
@@ -59,7 +74,7 @@ class Conclude(Asked):
 class Abort(Asked):
     """The sweep will not be finished."""
 
-    reason: Annotated[str, Field(min_length=1, max_length=200)] = "aborted by the line"
+    reason: Annotated[str, Field(min_length=1, max_length=200, pattern=TEXT)] = "aborted by the line"
 
 
 class Inspection(BaseModel):
@@ -208,8 +223,8 @@ async def inspections(
     request: Request,
     service: ServiceDep,
     who: Viewer,
-    product_id: Annotated[str | None, Query(max_length=64)] = None,
-    verdict: Annotated[str | None, Query(max_length=16)] = None,
+    product_id: Annotated[str | None, Query(pattern=PRODUCT)] = None,
+    verdict: Annotated[str | None, Query(pattern="^[A-Z]{1,16}$")] = None,
     state: InspectionState | None = None,
     source: InspectionSource | None = None,
     after: After = None,

@@ -10,7 +10,20 @@ from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import AfterValidator, BaseModel, Field
 
-from api.deps import After, Engineer, Id, Limit, ProductId, ServiceDep, Viewer, in_thread, once, problems, tagged
+from api.deps import (
+    IDENTITY,
+    After,
+    Engineer,
+    Id,
+    Limit,
+    ProductId,
+    ServiceDep,
+    Viewer,
+    in_thread,
+    once,
+    problems,
+    tagged,
+)
 from api.jobs import Accepted
 from api.schemas import Asked
 from inspector.stores.records import StoredAppearance
@@ -24,14 +37,14 @@ def _different(ids: list[str]) -> list[str]:
     return ids
 
 
-Ids = Annotated[list[Annotated[str, Field(max_length=64)]], Field(min_length=1, max_length=100)]
+Ids = Annotated[list[Annotated[str, Field(pattern=IDENTITY)]], Field(min_length=1, max_length=100)]
 
 
 class Learn(Asked):
     """Golden sweeps; the first is the map, as on the command line."""
 
     sweep_ids: Annotated[Ids, AfterValidator(_different)]
-    add_to: Annotated[str | None, Field(max_length=100)] = None
+    add_to: Annotated[str | None, Field(pattern=IDENTITY)] = None
     """An appearance that these sweeps, confirmed good, are added to; it stays as it is, and a new one is made."""
 
 

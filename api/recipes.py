@@ -11,6 +11,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from api.deps import (
+    IDENTITY,
     TEXT,
     After,
     Engineer,
@@ -39,7 +40,7 @@ router = APIRouter(prefix="/v1/products/{product_id}/recipes", tags=["recipes"])
 class NewRecipe(Asked):
     """A new version. An edit of a policy is one, too."""
 
-    appearance_id: Annotated[str | None, Field(max_length=100)] = None
+    appearance_id: Annotated[str | None, Field(pattern=IDENTITY)] = None
     """None for that of the active recipe."""
     policy: PolicyFile = PolicyFile()
     """What is left out is as usual."""

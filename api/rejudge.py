@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from api.deps import Engineer, ProductId, ServiceDep, in_thread, problems
+from api.deps import IDENTITY, Engineer, ProductId, ServiceDep, in_thread, problems
 from api.schemas import Asked
 from inspector.policies import PolicyFile
 from models.verdict import Policy
@@ -24,7 +24,7 @@ class Rejudge(Asked):
     last: Annotated[int, Field(ge=1, le=MOST)] = 100
     """So many of the latest live ones."""
     inspection_ids: Annotated[
-        list[Annotated[str, Field(max_length=64)]] | None, Field(min_length=1, max_length=MOST)
+        list[Annotated[str, Field(pattern=IDENTITY)]] | None, Field(min_length=1, max_length=MOST)
     ] = None
     """These instead."""
 

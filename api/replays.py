@@ -10,7 +10,7 @@ from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import Field, RootModel, model_validator
 
-from api.deps import Done, Engineer, ServiceDep, in_thread, once, problems
+from api.deps import IDENTITY, Done, Engineer, ServiceDep, in_thread, once, problems
 from api.inspections import whole_result
 from api.jobs import Accepted
 from api.schemas import Asked
@@ -19,7 +19,7 @@ from inspector.stores.records import Json
 from models.verdict import Policy
 
 router = APIRouter(prefix="/v1/replays", tags=["replays"])
-AnyId = Annotated[str | None, Field(max_length=64)]
+AnyId = Annotated[str | None, Field(pattern=IDENTITY)]
 
 
 class NewReplay(Asked):
