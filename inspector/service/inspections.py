@@ -35,8 +35,6 @@ from models.verdict import Policy
 T = TypeVar("T")
 _BRIEF_SECONDS = 0.25
 _TICK_SECONDS = 1.0
-_FULL = 0.9
-"""Share of a scorer's time that running inspections may need; the rest is for begin, conclude and what is uneven."""
 _NOT_CLOSED = "not closed properly: the last second may be missing"
 _REMEMBERED = 64
 """Inspections whose messages are kept after their end, for connections that break just then."""
@@ -341,8 +339,8 @@ class Inspections:
         needed = dict.fromkeys(self.pool.scorers, 0.0)
         for running in self._running.values():
             needed[running.scorer] += running.load.share
-        one_more = max((running.load.share for running in self._running.values()), default=0.0)
-        if count and min(needed.values()) + one_more > _FULL:
+        one_more = sum(needed.values()) / max(count, 1)
+        if count and min(needed.values()) + one_more > 1.0:
             return f"the {count} that are running need {sum(needed.values()) / len(needed):.0%} of the scorers' time"
         return None
 

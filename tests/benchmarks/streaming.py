@@ -127,7 +127,12 @@ class Cameras:
         end = time.perf_counter() + self._seconds
         while time.perf_counter() < end:
             asked = {"product_id": PRODUCT, "part_id": f"{number}-{self.counts['parts']}"}
-            begun = (await http.post("/v1/inspections", json=asked)).raise_for_status().json()
+            answer = await http.post("/v1/inspections", json=asked)
+            if answer.status_code == 503:
+                self.counts["parts refused"] += 1
+                await asyncio.sleep(1.0)
+                continue
+            begun = answer.raise_for_status().json()
             self.counts["parts"] += 1
             path = f"/v1/inspections/{begun['inspection_id']}/stream"
             async with connect(self._url.replace("http", "ws") + path, compression=None, max_size=None) as stream:
