@@ -26,6 +26,7 @@ async def ready(service: ServiceDep) -> Response:
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
-def metrics(service: ServiceDep) -> Response:
+async def metrics(service: ServiceDep) -> Response:
     """For Prometheus."""
+    service.inspections.observe()
     return Response(service.metrics.exposition(), media_type=service.metrics.content_type)

@@ -331,4 +331,7 @@ def test_metrics_tell_frames_verdicts_and_where_the_time_goes(client: TestClient
     for stage in ("wait", "decode", "score", "record", "total"):
         assert f'inspector_frame_seconds_count{{stage="{stage}"}}' in told
     assert "inspector_event_loop_held_seconds_count" in told
+    assert 'inspector_frames_waiting{scorer="0"} 0.0' in told
+    running = len(client.get("/v1/inspections?state=processing&limit=200").json()["items"])
+    assert f"inspector_inspections_running {running}.0" in told
     assert json.dumps(PRODUCT) in told

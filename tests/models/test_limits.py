@@ -67,7 +67,7 @@ def test_a_promise_expects_no_more_than_the_target_and_lies_in_its_interval(peak
 
 @given(peaks=st.lists(st.floats(0.4, 5), min_size=3, max_size=6), by=st.floats(1.0, 3.0), target=TARGETS)
 @FEW
-def test_louder_golden_sweeps_never_lower_the_limit_when_three_or_more_agree(peaks: list[float], by: float, target: float):
+def test_louder_golden_sweeps_never_lower_the_limit_where_three_agree(peaks: list[float], by: float, target: float):
     # Two that agree far from all that is assumed may still be spoilt, both of them.
     level = peaks[0]
     quiet, loud = (promise((each,) * len(peaks), target).factor for each in (level, level * by))
