@@ -32,12 +32,22 @@ from inspector.result_json import BadRecord
 from inspector.scores_json import ScoresUnreadable
 from inspector.service.access import AccessRefused, RoleTooLow
 from inspector.service.desk import DeskClosed, WorkerDied, WorkFailed
+from inspector.service.errors import (
+    AtCapacity,
+    Busy,
+    NoRecipe,
+    NotConcluded,
+    NotOpen,
+    OutOfOrder,
+    RecordingGone,
+    ScorerLost,
+    Stopping,
+    TooManyFrames,
+)
 from inspector.service.events import TooManyListeners
 from inspector.service.folder import FolderInUse, FolderRefused, NoFileId
-from inspector.service.inspections import AtCapacity, NoRecipe, NotConcluded, RecordingGone, Stopping
 from inspector.service.jobs import TooMuchToDo
 from inspector.service.replays import NoScores
-from inspector.service.running import Busy, NotOpen, OutOfOrder, ScorerLost, TooManyFrames
 from inspector.settings import SettingRefused
 from inspector.stores.base import NoSuch, StoreConflict
 from models.errors import AppearanceError, InspectionError, NumericError

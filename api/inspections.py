@@ -32,7 +32,7 @@ from api.schemas import Asked
 from inspector.protocol import SentFrame
 from inspector.result_json import frame_records
 from inspector.scores_json import scores_from_bytes
-from inspector.service.inspections import NotConcluded, RecordingGone
+from inspector.service.errors import NotConcluded, RecordingGone
 from inspector.service.running import Running
 from inspector.service.service import Service
 from inspector.stores.records import InspectionSource, InspectionState, StoredInspection

@@ -27,8 +27,8 @@ from api.deps import (
 )
 from api.schemas import Asked
 from inspector.policies import PolicyFile
+from inspector.service.errors import NoRecipe
 from inspector.service.folder import new_id
-from inspector.service.inspections import NoRecipe
 from inspector.service.service import Service
 from inspector.stores.base import NoSuchRecipe
 from inspector.stores.records import Recipe

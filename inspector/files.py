@@ -66,7 +66,7 @@ def _blamed_on(path: Path) -> Generator[None]:
 
 def _publish(draft: Path, path: Path) -> None:
     """A link fails where the name is taken, which a rename does not; but some file systems know no links."""
-    _sync(draft)
+    sync(draft)
     try:
         os.link(draft, path)
     except FileExistsError as error:
@@ -76,10 +76,10 @@ def _publish(draft: Path, path: Path) -> None:
         draft.rename(path)
     with suppress(OSError):
         # The name itself; not every file system can.
-        _sync(path.parent)
+        sync(path.parent)
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
     """What was written is on the disk when this returns."""
     handle = os.open(path, os.O_RDONLY)
     try:

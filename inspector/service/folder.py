@@ -21,7 +21,7 @@ from pathlib import Path
 from uuid import uuid4
 
 from inspector.errors import WorldError
-from inspector.files import NotWritten
+from inspector.files import NotWritten, sync
 
 _ID = re.compile(r"[0-9a-f]{32}")
 _HASH = re.compile(r"sha256:([0-9a-f]{64})")
@@ -102,9 +102,9 @@ class DataFolder:
     def keep(self, draft: Path, path: Path) -> None:
         """What was received becomes a file that stays, on the disk and by name when this returns. Raises NotWritten."""
         try:
-            _sync(draft)
+            sync(draft)
             draft.rename(path)
-            _sync(path.parent)
+            sync(path.parent)
         except OSError as error:
             raise NotWritten(path, error.strerror or str(error)) from error
 
@@ -132,12 +132,3 @@ def _checked(id: str) -> str:
     if _ID.fullmatch(id) is None:
         raise NoFileId(id)
     return id
-
-
-def _sync(path: Path) -> None:
-    """What was written is on the disk when this returns."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

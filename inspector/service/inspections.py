@@ -1,13 +1,4 @@
-"""The life of inspections: begun, fed, concluded or aborted, stored; none is forgotten, none is stored twice.
-
-inspector.errors.WorldError
-├── AtCapacity               one inspection more than can be scored in time
-├── Stopping                 the service takes nothing new: it is being stopped
-├── NoRecipe                 a product without an active recipe
-├── NotConcluded             a result that is not there yet
-└── RecordingGone            a recording that is not there any more
-(and what running.py raises)
-"""
+"""The life of inspections: begun, fed, concluded or aborted, stored; none is forgotten, none is stored twice."""
 
 from __future__ import annotations
 
@@ -24,10 +15,11 @@ import structlog
 
 from inspector.errors import StoreError, WorldError
 from inspector.scorers.pool import Pool
+from inspector.service.errors import AtCapacity, NoRecipe, NotOpen, Stopping
 from inspector.service.events import Events
 from inspector.service.folder import DataFolder, new_id
 from inspector.service.metrics import Metrics
-from inspector.service.running import Around, Bounds, Ended, NotOpen, Running
+from inspector.service.running import Around, Bounds, Ended, Running
 from inspector.stores.base import AbstractStore, AlreadyConcluded
 from inspector.stores.records import Recipe, StoredInspection
 from models.verdict import Policy
@@ -38,45 +30,6 @@ _TICK_SECONDS = 1.0
 _NOT_CLOSED = "not closed properly: the last second may be missing"
 _REMEMBERED = 64
 """Inspections whose messages are kept after their end, for connections that break just then."""
-
-
-class AtCapacity(WorldError):
-    """One inspection more than can be scored in time."""
-
-    retry_after = 5
-
-    def __init__(self, why: str) -> None:
-        super().__init__(f"no capacity for one more inspection: {why}; try again in a few seconds")
-
-
-class Stopping(WorldError):
-    """The service takes nothing new: it is being stopped."""
-
-    retry_after = 10
-
-    def __init__(self) -> None:
-        super().__init__("the service is being stopped; try again when it runs")
-
-
-class NoRecipe(WorldError):
-    """A product without an active recipe."""
-
-    def __init__(self, product_id: str) -> None:
-        super().__init__(f"product {product_id!r} has no active recipe: learn an appearance, and make a recipe of it")
-
-
-class NotConcluded(WorldError):
-    """A result that is not there yet."""
-
-    def __init__(self, inspection_id: str, what: str = "result") -> None:
-        super().__init__(f"inspection {inspection_id!r} is processing; there is a {what} when it is concluded")
-
-
-class RecordingGone(WorldError):
-    """A recording that is not there any more."""
-
-    def __init__(self, inspection_id: str, why: str | None) -> None:
-        super().__init__(f"there is no recording of inspection {inspection_id!r}: {why or 'no frame came'}")
 
 
 class Inspections:

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from inspector.errors import WorldError
 from inspector.service.desk import Desk, naming
+from inspector.service.errors import NoRecipe, RecordingGone
 from inspector.service.folder import DataFolder, new_id
-from inspector.service.inspections import NoRecipe, RecordingGone
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, Recipe, StoredInspection
 from models.verdict import Policy

@@ -9,52 +9,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from inspector.errors import WorldError
 from inspector.protocol import SentFrame
 from inspector.scorers.pool import Scorer
 from inspector.scorers.wire import Head
+from inspector.service.errors import Busy, NotOpen, OutOfOrder, ScorerLost, TooManyFrames
 from inspector.service.events import Events
+from inspector.service.load import Load
 from inspector.service.metrics import Metrics
 
 Phase = Literal["open", "ending", "unsaved", "ended"]
 Outcome = Literal["taken", "dropped", "duplicate"]
-
-
-class NotOpen(WorldError):
-    """Something is asked of an inspection that takes no more frames."""
-
-    def __init__(self, inspection_id: str) -> None:
-        super().__init__(f"inspection {inspection_id!r} takes no more frames: it is being concluded, or has ended")
-
-
-class Busy(WorldError):
-    """A frame finds no room to wait; nothing has changed."""
-
-    retry_after = 1
-
-    def __init__(self, waiting: int) -> None:
-        super().__init__(f"{waiting} frames wait already; send this one again when one of them is answered")
-
-
-class TooManyFrames(WorldError):
-    """An inspection that is longer than allowed."""
-
-    def __init__(self, allowed: int) -> None:
-        super().__init__(f"the inspection has {allowed} frames, and no more are allowed; conclude it")
-
-
-class OutOfOrder(WorldError):
-    """A frame whose number is not above all before, and that never came."""
-
-    def __init__(self, sequence: int, wanted: int) -> None:
-        super().__init__(f"frame {sequence} comes too late: the next number is {wanted} or higher")
-
-
-class ScorerLost(WorldError):
-    """The process that scored an inspection is gone."""
-
-    def __init__(self, inspection_id: str, why: str) -> None:
-        super().__init__(f"inspection {inspection_id!r} is lost: {why}; begin another one")
 
 
 @dataclass(frozen=True)
@@ -78,42 +42,6 @@ class Around:
     metrics: Metrics
     waiting_bytes: Callable[[], int]
     """Of the pictures of all inspections that wait."""
-
-
-_SEARCHING = 10
-
-
-class Load:
-    """How much of a scorer's time an inspection needs to keep up with its camera, by the frames' own clock.
-
-    A recording that is pushed as fast as it goes needs no more than the camera that made it.
-    """
-
-    def __init__(self) -> None:
-        self._work = self._interval = 0.0
-        self._frames = 0
-        self._last: int | None = None
-
-    @property
-    def share(self) -> float:
-        """Seconds of work per second, 0 until it is known."""
-        return self._work / self._interval if self._interval > 0 else 0.0
-
-    def came(self, t_ns: int) -> None:
-        """A frame of that time was sent."""
-        if self._last is not None and t_ns > self._last:
-            self._interval = _mean(self._interval, (t_ns - self._last) / 1e9)
-        self._last = t_ns
-
-    def took(self, seconds: float) -> None:
-        """A frame was decoded, scored and recorded; the first ones, which look for their place, say little."""
-        self._frames += 1
-        if self._frames > _SEARCHING:
-            self._work = _mean(self._work, seconds)
-
-
-def _mean(so_far: float, value: float) -> float:
-    return value if so_far == 0 else so_far + (value - so_far) / 16
 
 
 @dataclass(frozen=True)

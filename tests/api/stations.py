@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
+import time
 from collections.abc import Iterable
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from fastapi.testclient import TestClient
@@ -19,7 +21,8 @@ from inspector.pictures import encode_jpeg
 from inspector.protocol import SentFrame
 from inspector.recorder import record
 from inspector.recording import SweepReader
-from inspector.service.service import Service
+from inspector.service.folder import DataFolder
+from inspector.stores import open_store
 from inspector.stores.records import StoredAppearance
 from models.appearance import Appearance
 from models.frame import Frame
@@ -68,7 +71,7 @@ def sent(frame: Frame) -> bytes:
     return SentFrame(frame.sequence, frame.t_ns, frame.encoder, picture(frame)).to_bytes()
 
 
-def teach(service: Service, policy: Policy = Policy()) -> str:  # noqa: B008 (a frozen value)
+def teach(service: Any, policy: Policy = Policy()) -> str:  # noqa: B008 (a frozen value)
     """The product is there, learnt, with an active recipe, whose id is returned."""
     path = service.folder.appearance(learnt().id)
     if not path.exists():
@@ -79,6 +82,16 @@ def teach(service: Service, policy: Policy = Policy()) -> str:  # noqa: B008 (a 
     recipe_id = f"r{now}"
     store.add_recipe(recipe_id, PRODUCT, learnt().id, asdict(policy), actor="test", t_ns=now)
     return recipe_id
+
+
+def taught(data: Path) -> Path:
+    """The folder of a service that does not run yet, in which the product is learnt."""
+    folder = DataFolder(data)
+    store = open_store(f"sqlite:{folder.path / 'service.sqlite'}")
+    teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
+    store.close()
+    folder.close()
+    return data
 
 
 def begin(client: TestClient, part: str = PART) -> str:

@@ -13,16 +13,13 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import httpx2
 import pytest
 
 from inspector.recording import SweepReader
-from inspector.service.folder import DataFolder
-from inspector.stores import open_store
-from tests.api.stations import PRODUCT, frames, picture, teach
+from tests.api.stations import PRODUCT, frames, picture, taught
 from tests.system.serving import Served, serve
 
 KILLS = int(os.environ.get("INSPECTOR_KILLS", "3"))
@@ -93,12 +90,7 @@ def killed(served: Served, seconds: float, *, everybody: bool, wait_for_one: boo
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    folder = DataFolder(tmp_path / "data")
-    store = open_store(f"sqlite:{folder.path / 'service.sqlite'}")
-    teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
-    store.close()
-    folder.close()
-    return tmp_path / "data"
+    return taught(tmp_path / "data")
 
 
 def test_after_a_kill_nothing_that_was_told_is_lost_and_nothing_hangs(data: Path):

@@ -4,31 +4,21 @@ from __future__ import annotations
 
 import json
 import socket
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from types import SimpleNamespace
 from typing import Any
 
 import httpx2
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
-from inspector.service.folder import DataFolder
-from inspector.stores import open_store
-from tests.api.stations import GOOD, PRODUCT, frames, picture, sent, teach
+from tests.api.stations import GOOD, PRODUCT, frames, picture, sent, taught
 from tests.system.serving import Served, serve
 
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    data = tmp_path_factory.mktemp("rude") / "data"
-    folder = DataFolder(data)
-    store = open_store(f"sqlite:{data / 'service.sqlite'}")
-    teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
-    store.close()
-    folder.close()
-    with serve(data, max_subscribers="4") as served:
+    with serve(taught(tmp_path_factory.mktemp("rude") / "data"), max_subscribers="4") as served:
         yield served
 
 

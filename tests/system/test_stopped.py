@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import httpx2
@@ -14,20 +12,13 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from inspector.recording import SweepReader
-from inspector.service.folder import DataFolder
-from inspector.stores import open_store
-from tests.api.stations import PRODUCT, frames, sent, teach
+from tests.api.stations import PRODUCT, frames, sent, taught
 from tests.system.serving import serve
 
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    folder = DataFolder(tmp_path / "data")
-    store = open_store(f"sqlite:{folder.path / 'service.sqlite'}")
-    teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
-    store.close()
-    folder.close()
-    return tmp_path / "data"
+    return taught(tmp_path / "data")
 
 
 def test_what_is_in_flight_is_scored_files_are_closed_and_the_rest_is_aborted_and_told(data: Path):

@@ -1,0 +1,94 @@
+"""What can go wrong with an inspection; every class writes its own sentence.
+
+inspector.errors.WorldError
+├── AtCapacity               one inspection more than can be scored in time
+├── Stopping                 the service takes nothing new: it is being stopped
+├── NoRecipe                 a product without an active recipe
+├── NotOpen                  something is asked of an inspection that takes no more frames
+├── Busy                     a frame finds no room to wait; nothing has changed
+├── TooManyFrames            an inspection that is longer than allowed
+├── OutOfOrder               a frame whose number is not above all before, and that never came
+├── ScorerLost               the process that scored an inspection is gone
+├── NotConcluded             a result that is not there yet
+└── RecordingGone            a recording that is not there any more
+"""
+
+from __future__ import annotations
+
+from inspector.errors import WorldError
+
+
+class AtCapacity(WorldError):
+    """One inspection more than can be scored in time."""
+
+    retry_after = 5
+
+    def __init__(self, why: str) -> None:
+        super().__init__(f"no capacity for one more inspection: {why}; try again in a few seconds")
+
+
+class Stopping(WorldError):
+    """The service takes nothing new: it is being stopped."""
+
+    retry_after = 10
+
+    def __init__(self) -> None:
+        super().__init__("the service is being stopped; try again when it runs")
+
+
+class NoRecipe(WorldError):
+    """A product without an active recipe."""
+
+    def __init__(self, product_id: str) -> None:
+        super().__init__(f"product {product_id!r} has no active recipe: learn an appearance, and make a recipe of it")
+
+
+class NotOpen(WorldError):
+    """Something is asked of an inspection that takes no more frames."""
+
+    def __init__(self, inspection_id: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} takes no more frames: it is being concluded, or has ended")
+
+
+class Busy(WorldError):
+    """A frame finds no room to wait; nothing has changed."""
+
+    retry_after = 1
+
+    def __init__(self, waiting: int) -> None:
+        super().__init__(f"{waiting} frames wait already; send this one again when one of them is answered")
+
+
+class TooManyFrames(WorldError):
+    """An inspection that is longer than allowed."""
+
+    def __init__(self, allowed: int) -> None:
+        super().__init__(f"the inspection has {allowed} frames, and no more are allowed; conclude it")
+
+
+class OutOfOrder(WorldError):
+    """A frame whose number is not above all before, and that never came."""
+
+    def __init__(self, sequence: int, wanted: int) -> None:
+        super().__init__(f"frame {sequence} comes too late: the next number is {wanted} or higher")
+
+
+class ScorerLost(WorldError):
+    """The process that scored an inspection is gone."""
+
+    def __init__(self, inspection_id: str, why: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} is lost: {why}; begin another one")
+
+
+class NotConcluded(WorldError):
+    """A result that is not there yet."""
+
+    def __init__(self, inspection_id: str, what: str = "result") -> None:
+        super().__init__(f"inspection {inspection_id!r} is processing; there is a {what} when it is concluded")
+
+
+class RecordingGone(WorldError):
+    """A recording that is not there any more."""
+
+    def __init__(self, inspection_id: str, why: str | None) -> None:
+        super().__init__(f"there is no recording of inspection {inspection_id!r}: {why or 'no frame came'}")
