@@ -6,12 +6,14 @@ import http.server
 import json
 import socket
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import httpx2
+import numpy as np
 import pytest
 
 from inspector.client import (
@@ -24,12 +26,14 @@ from inspector.client import (
     ServiceUnreachable,
     paced,
 )
+from inspector.errors import NotARecording
 from inspector.pictures import decode, encode_png
-from inspector.recording import SweepReader
+from inspector.recording import SweepReader, SweepWriter
 from inspector.replay import replay
 from inspector.service.service import Service
 from models.frame import EncodedPicture, Frame
-from tests.api.stations import BAD, GOOD, PART, PRODUCT, frames, learnt, sweep, teach
+from models.verdict import Policy
+from tests.api.stations import BAD, GOOD, PART, PRODUCT, frames, learnt, material, sweep, teach
 from tests.inspector.client.served import BrokenWay, served
 
 WAYS = ("ws", "rest")
@@ -223,31 +227,31 @@ def test_who_has_no_token_or_a_wrong_one_is_refused(tmp_path: Path) -> None:
 
 
 def test_where_nobody_is_nobody_is_waited_for() -> None:
-    time = Time()
+    clock = Time()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
     said = rf"127\.0\.0\.1:{port} does not answer: .*refused"
     with (
-        Client(f"http://127.0.0.1:{port}", clock=time, sleep=time.sleep) as client,
+        Client(f"http://127.0.0.1:{port}", clock=clock, sleep=clock.sleep) as client,
         pytest.raises(ServiceUnreachable, match=said),
     ):
         begin(client)
-    assert time.waits == []
+    assert clock.waits == []
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_service_that_went_away_is_waited_for_as_long_as_asked(tmp_path: Path, way: str) -> None:
-    time = Time()
+    clock = Time()
     with ExitStack() as stack:
         with served(tmp_path / "data") as (url, service):
             teach(service)
-            client = stack.enter_context(Client(url, timeout=60, patience=20, clock=time, sleep=time.sleep))
+            client = stack.enter_context(Client(url, timeout=60, patience=20, clock=clock, sleep=clock.sleep))
             inspection = begin(client, transport=way)
         with pytest.raises(ServiceUnreachable if way == "rest" else (ServiceUnreachable, InspectionEnded)):
             send(inspection)
     if way == "rest":
-        assert 15 < sum(time.waits) <= 20
-        assert time.waits[:4] == pytest.approx([0.1, 0.2, 0.4, 0.8])
+        assert 15 < sum(clock.waits) <= 20
+        assert clock.waits[:4] == pytest.approx([0.1, 0.2, 0.4, 0.8])
 
 
 @contextmanager
@@ -294,13 +298,13 @@ SCORED = (200, {}, b'{"n": 0, "kind": "scored", "sequence": 0}')
 
 
 def test_who_is_busy_is_asked_again_when_they_said() -> None:
-    time = Time()
+    clock = Time()
     busy = [problem(503, Retry_After="5"), problem(503), (502, {}, b"<html>"), problem(409, Retry_After="1")]
     answers = (*busy, BEGUN, problem(503, Retry_After="2"), SCORED)
-    with answering(*answers) as (url, asked), Client(url, clock=time, sleep=time.sleep) as client:
+    with answering(*answers) as (url, asked), Client(url, clock=clock, sleep=clock.sleep) as client:
         inspection = begin(client, transport="rest")
         inspection.send(frames()[0])
-    assert time.waits == pytest.approx([5, 0.1, 0.2, 1, 2])
+    assert clock.waits == pytest.approx([5, 0.1, 0.2, 1, 2])
     assert inspection.counts == {"scored": 1}
     keys = {headers["idempotency-key"] for path, headers in asked if path == "/v1/inspections"}
     assert len(keys) == 1, "the same order each time: it begins one inspection"
@@ -310,15 +314,15 @@ def test_who_is_busy_is_asked_again_when_they_said() -> None:
 
 
 def test_who_is_busy_for_too_long_has_refused() -> None:
-    time = Time()
+    clock = Time()
     busy = [problem(503, Retry_After="7")] * 5
     with (
         answering(*busy) as (url, asked),
-        Client(url, patience=20, clock=time, sleep=time.sleep) as client,
+        Client(url, patience=20, clock=clock, sleep=clock.sleep) as client,
         pytest.raises(ServiceRefused, match="No room: 3 frames wait already"),
     ):
         begin(client)
-    assert time.waits == [7, 7]
+    assert clock.waits == [7, 7]
     assert len(asked) == 3
 
 
@@ -366,12 +370,39 @@ def test_a_frame_that_comes_twice_is_refused(url: str) -> None:
                 inspection.send(frame)
 
 
+def test_a_product_is_taught_and_the_same_is_learnt_as_from_the_files(tmp_path: Path) -> None:
+    told: list[float] = []
+    with served(tmp_path / "data") as (url, _), Client(url, sleep=lambda seconds: time.sleep(seconds / 10)) as client:
+        golden = client.upload_sweep(material() / "golden.mcap", "new", "master")
+        appearance_id = client.learn("new", [golden], on_progress=told.append)
+        assert appearance_id == learnt().id
+        assert told == sorted(told)
+        assert told[-1] == 1
+        strict = client.make_recipe("new", appearance_id, policy={"sensitivity": 2.0}, note="strict")
+        usual = client.make_recipe("new", activate=False)
+        for recipe_id, policy in ((None, Policy(sensitivity=2.0)), (usual, Policy())):
+            with client.begin("new", PART, recipe_id=recipe_id) as inspection:
+                send(inspection)
+                assert inspection.recipe_id == (recipe_id or strict)
+                assert inspection.conclude()["digest"] == replay(SweepReader(sweep()), learnt(), policy).result.digest
+        black = tmp_path / "black.mcap"
+        with SweepWriter(black) as writer:
+            for frame in frames()[:10]:
+                writer.write(Frame(np.zeros_like(frame.pixels), frame.t_ns, frame.sequence))
+        with pytest.raises(ServiceRefused, match="Not learnt: "):
+            client.learn("new", [client.upload_sweep(black, "new")])
+        with pytest.raises(ServiceRefused, match="Recording not readable"):
+            client.upload_sweep(material() / "plate.appearance", "new")
+        with pytest.raises(NotARecording, match="No such file"):
+            client.upload_sweep(tmp_path / "nothing.mcap", "new")
+
+
 def test_at_its_own_pace_each_frame_goes_when_it_was_taken() -> None:
-    time, gone = Time(), list[float]()
-    for frame in paced(frames(), time, time.sleep):
-        gone.append(time.now)
+    clock, gone = Time(), list[float]()
+    for frame in paced(frames(), clock, clock.sleep):
+        gone.append(clock.now)
         # The line is slow at first: the time is made up for, nothing is left out.
-        time.now += 0.5 if frame is frames()[3] else 0.001
+        clock.now += 0.5 if frame is frames()[3] else 0.001
     taken = [(frame.t_ns - frames()[0].t_ns) / 1e9 for frame in frames()]
     assert gone[:4] == pytest.approx(taken[:4])
     assert gone[-1] == pytest.approx(taken[-1])
