@@ -26,6 +26,7 @@ from api import (
     sweeps,
     tokens,
 )
+from api.deps import in_thread
 from api.guard import Guard
 from api.schemas import Problem
 from inspector.service.service import Service
@@ -63,6 +64,8 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         await service.start()
+        # What is imported when a thread is asked for the first time would hold up frames.
+        await in_thread(int)
         try:
             yield
         finally:
