@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from typing import Any
@@ -19,6 +20,9 @@ _TAKEN_OVER = 4409
 _MAX_MESSAGE = 1 << 28
 """The verdict has every frame of the inspection in it."""
 _CLOSE_SECONDS = 2.0
+_LOG = logging.getLogger(__name__)
+# What breaks is raised or mended: nobody's terminal needs to hear of it, too.
+_LOG.addHandler(logging.NullHandler())
 _BROKEN = (ConnectionClosed, InvalidHandshake, OSError, EOFError)
 """Also what a handshake that was cut ends in, and one that took too long."""
 
@@ -34,6 +38,8 @@ class StreamedInspection(AbstractInspection):
         super().__init__(asker, begun, on_message)
         self._unanswered: dict[int, bytes] = {}
         self._credits = 1
+        self._taken = 0
+        """The number of the next frame, as the service said when last connected."""
         self._heard = -1
         """`n` of the last message."""
         self._patience = asker.patience()
@@ -151,6 +157,7 @@ class StreamedInspection(AbstractInspection):
             open_timeout=self._asker.timeout,
             close_timeout=_CLOSE_SECONDS,
             max_size=_MAX_MESSAGE,
+            logger=_LOG,
         )
         with ExitStack() as held:
             socket = held.enter_context(connection)
@@ -158,6 +165,10 @@ class StreamedInspection(AbstractInspection):
             if ready.get("kind") != "ready":
                 raise NotUnderstood(self._asker.url, 101, str(ready)[:60])
             self._credits = ready["credits"]
+            if ready["next_sequence"] > self._taken:
+                # Frames arrive, though connections break before their answers do.
+                self._taken = ready["next_sequence"]
+                self._patience.renew()
             for sequence, message in self._unanswered.items():
                 if sequence >= ready["next_sequence"]:
                     socket.send(message)

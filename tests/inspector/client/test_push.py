@@ -20,7 +20,7 @@ from inspector.recording import SweepReader, SweepWriter
 from inspector.replay import replay
 from models.frame import Frame
 from tests.api.stations import GOOD, PART, PRODUCT, frames, learnt, sweep, teach
-from tests.inspector.client.served import served
+from tests.inspector.client.served import BrokenWay, served
 from tests.inspector.line import cut
 
 Captured = pytest.CaptureFixture[str]
@@ -140,18 +140,31 @@ def test_the_token_of_the_environment_is_shown(
         assert pushed(capsys, sweep(), url, "--pace", "flat-out")[0] == 0
 
 
-def test_ctrl_c_aborts_the_inspection_and_says_so(url: str, tmp_path: Path) -> None:
-    # At its own pace this sweep takes an hour.
-    path = respaced(tmp_path / "slow.mcap", 90_000_000_000)
+def test_a_way_that_breaks_is_nothing_to_talk_about(url: str) -> None:
+    road = BrokenWay(url, seed=4, most=80_000)
+    with road as broken:
+        process = started(sweep(), broken, "--part", "broken", "--pace", "flat-out")
+        out, err = process.communicate(timeout=60)
+    assert road.breaks > 3
+    assert (process.returncode, err) == (0, "")
+    assert f"digest {replay(SweepReader(sweep()), learnt()).result.digest}\n" in out
+
+
+def started(path: Path, url: str, *options: str) -> subprocess.Popen[str]:
     code = "from inspector.cli import main; main()"
-    options = ["push", path, "--url", url, "--product", PRODUCT, "--part", "slow"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, *options],
+    return subprocess.Popen(
+        [sys.executable, "-c", code, "push", path, "--url", url, "--product", PRODUCT, *options],
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     )
+
+
+def test_ctrl_c_aborts_the_inspection_and_says_so(url: str, tmp_path: Path) -> None:
+    # At its own pace this sweep takes an hour.
+    path = respaced(tmp_path / "slow.mcap", 90_000_000_000)
+    process = started(path, url, "--part", "slow")
     while not (mine := [each for each in _inspections(url) if each["part_id"] == "slow" and each["frames_scored"]]):
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
