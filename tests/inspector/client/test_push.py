@@ -151,7 +151,9 @@ def test_a_way_that_breaks_is_nothing_to_talk_about(url: str) -> None:
 
 
 def started(path: Path, url: str, *options: str) -> subprocess.Popen[str]:
-    code = "from inspector.cli import main; main()"
+    # Where the tests run in the background, Ctrl-C is ignored, and processes inherit that.
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code = f"{heard}; from inspector.cli import main; main()"
     return subprocess.Popen(
         [sys.executable, "-c", code, "push", path, "--url", url, "--product", PRODUCT, *options],
         stderr=subprocess.PIPE,
@@ -165,10 +167,14 @@ def test_ctrl_c_aborts_the_inspection_and_says_so(url: str, tmp_path: Path) -> N
     # At its own pace this sweep takes an hour.
     path = respaced(tmp_path / "slow.mcap", 90_000_000_000)
     process = started(path, url, "--part", "slow")
-    while not (mine := [each for each in _inspections(url) if each["part_id"] == "slow" and each["frames_scored"]]):
-        assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    try:
+        while not (mine := [each for each in _inspections(url) if each["part_id"] == "slow" and each["frames_scored"]]):
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.communicate()
     inspection_id = mine[0]["inspection_id"]
     warning = f"inspector: warning: interrupted; inspection {inspection_id} is aborted at the service\n"
     assert (process.returncode, out, err) == (130, "", warning)
