@@ -44,6 +44,8 @@ class SweepWriter:
     ) -> None:
         self._file = McapFile(Path(path), flush_seconds, clock)
         facts = {"product_id": product_id, "part_id": part_id}
+        self._as_encoded: bool | None = None
+        """How the first frame went; a topic holds messages of one kind."""
         self._facts = {**(metadata or {}), **{name: value for name, value in facts.items() if value is not None}}
         self.drops = 0
 
@@ -70,10 +72,12 @@ class SweepWriter:
         """Append a frame, and messages of the same moment by topic; what is due goes to the disk."""
         if not self._file.begun:
             self._file.begin(compress=frame.encoded is None, metadata={FACTS: self._facts})
+        if self._as_encoded is None:
+            self._as_encoded = frame.encoded is not None or not _has_name(frame)
         if frame.encoder is not None:
             position = new_message("Encoder", frame.t_ns, position=float(frame.encoder))
             self._file.add(ENCODER, position, frame.t_ns, frame.sequence)
-        self._file.add(IMAGE, image_message(frame), frame.t_ns, frame.sequence)
+        self._file.add(IMAGE, image_message(frame, self._as_encoded), frame.t_ns, frame.sequence)
         for topic, message in (beside or {}).items():
             self._file.add(topic, message, frame.t_ns, frame.sequence)
         self._file.frames += 1
@@ -114,11 +118,18 @@ class SweepWriter:
         self.close()
 
 
-def image_message(frame: Frame) -> Message:
-    """The frame as Foxglove and rerun show it."""
-    encoding = RAW_ENCODINGS.get((frame.pixels.ndim, frame.pixels.dtype.name))
-    encoded = frame.encoded or (None if encoding else encode_png(frame.pixels))
-    message: Any = _raw(frame.pixels, encoding or "") if encoded is None else _compressed(encoded)
+def _has_name(frame: Frame) -> bool:
+    """Whether RawImage has a name for such pixels."""
+    return (frame.pixels.ndim, frame.pixels.dtype.name) in RAW_ENCODINGS
+
+
+def image_message(frame: Frame, as_encoded: bool) -> Message:
+    """The frame as Foxglove and rerun show it, with the bytes that it came with, or, without loss, as PNG or raw."""
+    message: Any
+    if as_encoded or not _has_name(frame):
+        message = _compressed(frame.encoded or encode_png(frame.pixels))
+    else:
+        message = _raw(frame.pixels, RAW_ENCODINGS[frame.pixels.ndim, frame.pixels.dtype.name])
     stamp(message.timestamp, frame.t_ns)
     message.frame_id = FRAME_ID
     return message

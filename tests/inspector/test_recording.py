@@ -60,6 +60,16 @@ def test_a_picture_that_came_encoded_is_kept_byte_for_byte(tmp_path):
     assert decoded(path)["/camera/image"][0][1].data == jpeg.data
 
 
+@pytest.mark.parametrize("first", [frame, encoded_frame])
+def test_pictures_that_came_encoded_and_others_can_stand_in_one_recording(tmp_path, first):
+    other = encoded_frame if first is frame else frame
+    path = written(tmp_path / "sweep.mcap", [first(0), other(1), first(2)])
+    reader = SweepReader(path)
+    assert all(same(one, number) for number, one in enumerate(reader))
+    assert reader.losses == ()
+    assert len(list(reader)) == 3
+
+
 def test_chunks_of_raw_pictures_are_compressed_and_those_of_jpeg_are_not(tmp_path):
     assert chunk_compressions(written(tmp_path / "raw.mcap", [frame(0)])) == {"zstd"}
     assert chunk_compressions(written(tmp_path / "encoded.mcap", [encoded_frame(0)])) == {""}
