@@ -95,10 +95,15 @@ def tagged(request: Request, answer: BaseModel | bytes) -> Response:
     body = _text(answer)
     tag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
     headers = {"ETag": tag, "Cache-Control": "private, no-cache"}
-    known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
-    if tag in known or "*" in known:
+    if has_already(request, tag):
         return Response(None, 304, headers)
     return Response(body, 200, headers, JSON)
+
+
+def has_already(request: Request, tag: str) -> bool:
+    """Whether who asks has the answer of that ETag."""
+    known = [each.strip().removeprefix("W/") for each in request.headers.get("if-none-match", "").split(",")]
+    return tag in known or "*" in known
 
 
 def in_thread(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, T]:

@@ -35,6 +35,7 @@ from inspector.service.desk import DeskClosed, WorkerDied, WorkFailed
 from inspector.service.errors import (
     AtCapacity,
     Busy,
+    NoPictureYet,
     NoRecipe,
     NotConcluded,
     NotOpen,
@@ -85,6 +86,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     # What is asked for, and what it goes with.
     NoSuch: Kind(404, "Not found"),
     NoFileId: Kind(404, "Not found"),
+    NoPictureYet: Kind(404, "No picture"),
     StoreConflict: Kind(409, "Not possible now"),
     NotOpen: Kind(409, "Takes no more frames"),
     TooManyFrames: Kind(409, "Too many frames"),

@@ -31,9 +31,10 @@ async def events(
 ) -> Response:
     """Everything that happens from now on, or since `Last-Event-ID`.
 
-    First comes the `station` as it is, then `begun`, `scores` (four times a second: [index, s, score, state] of each
-    frame, and the drops), `deviation_opened`, `deviation_closed`, `early_ng`, `verdict`, `aborted`, `station`, `job`;
-    `missed` where some can not be told any more: read the lists again.
+    First comes the `station` as it is: `state`, `running`, and `pictures_per_second`, which says how often each
+    listener may ask for the latest picture of each running inspection. Then come `begun`, `scores` (four times a
+    second: [index, s, score, state] of each frame, and the drops), `deviation_opened`, `deviation_closed`, `early_ng`,
+    `verdict`, `aborted`, `station`, `job`; `missed` where some can not be told any more: read the lists again.
     """
     service.events.check_room()
     return StreamingResponse(
@@ -43,7 +44,7 @@ async def events(
 
 async def _told(service: Service, last_id: str | None) -> AsyncGenerator[bytes]:
     with service.events.listening():
-        station = json.dumps({"state": service.inspections.state, "running": len(service.inspections.running)})
+        station = json.dumps(service.inspections.station)
         yield format_sse_event(retry=1000, event="station", data_str=station)
         async for event in service.events.since(last_id):
             yield QUIET if event is None else _formatted(event)

@@ -18,6 +18,7 @@ from inspector.scorers.pool import Pool
 from inspector.service.errors import AtCapacity, NoRecipe, NotOpen, Stopping
 from inspector.service.events import Events
 from inspector.service.folder import DataFolder, new_id
+from inspector.service.load import pictures_per_second
 from inspector.service.metrics import Metrics
 from inspector.service.running import Around, Bounds, Ended, Running
 from inspector.stores.base import AbstractStore, AlreadyConcluded
@@ -74,7 +75,7 @@ class Inspections:
         if self.stopping:
             return
         self.stopping = True
-        self._events.publish("station", state="stopping")
+        self._events.publish("station", **self.station)
         for running in [*self._running.values()]:
             with suppress(WorldError):
                 await self._end(running, reason="the service was stopped")
@@ -95,6 +96,12 @@ class Inspections:
         if self._no_capacity() is not None:
             return "at capacity"
         return "inspecting" if self._running else "ready"
+
+    @property
+    def station(self) -> dict[str, object]:
+        """What the event `station` tells."""
+        rate = pictures_per_second(self._events.listeners, len(self._running))
+        return {"state": self.state, "running": len(self._running), "pictures_per_second": rate}
 
     @property
     def running(self) -> tuple[Running, ...]:
@@ -311,14 +318,14 @@ class Inspections:
                         await self._end(running, reason=f"no frame came for {self._idle_seconds:g} s")
 
     async def _tell(self) -> None:
-        """A few times a second: the latest scores for dashboards, and the state of the station when it changes."""
-        state = ""
+        """A few times a second: the latest scores for dashboards, and how the station is when that changes."""
+        station: dict[str, object] = {}
         while True:
             await asyncio.sleep(_BRIEF_SECONDS)
             for running in self._running.values():
                 running.tell_briefs()
-            if state != (state := self.state):
-                self._events.publish("station", state=state, running=len(self._running))
+            if station != (station := self.station):
+                self._events.publish("station", **station)
 
     def _recover(self) -> None:
         """In a thread, at start: what a crash left behind."""

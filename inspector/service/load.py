@@ -1,8 +1,11 @@
-"""Load: how much of a scorer's time an inspection needs."""
+"""Load: how much of a scorer's time an inspection needs, and how often dashboards may ask for its picture."""
 
 from __future__ import annotations
 
 _SEARCHING = 10
+_PICTURES = 40.0
+"""A second, for all dashboards together: each costs the event loop a third of a millisecond or so."""
+_OFTEN, _SELDOM = 4.0, 0.2
 
 
 class Load:
@@ -32,6 +35,16 @@ class Load:
         self._frames += 1
         if self._frames > _SEARCHING:
             self._work = _mean(self._work, seconds)
+
+
+def pictures_per_second(listeners: int, running: int) -> float:
+    """How often each of so many listeners may ask for the latest picture of each running inspection.
+
+    >>> pictures_per_second(1, 1), pictures_per_second(20, 1), pictures_per_second(20, 4), pictures_per_second(64, 16)
+    (4.0, 2.0, 0.5, 0.2)
+    """
+    asking = max(1, listeners) * max(1, running)
+    return round(min(_OFTEN, max(_SELDOM, _PICTURES / asking)), 3)
 
 
 def _mean(so_far: float, value: float) -> float:

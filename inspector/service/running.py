@@ -45,6 +45,17 @@ class Around:
 
 
 @dataclass(frozen=True)
+class Shown:
+    """The picture that was scored last."""
+
+    sequence: int
+    picture: bytes | memoryview
+    """Exactly as it was received."""
+    scored: bytes
+    """Its `scored` message."""
+
+
+@dataclass(frozen=True)
 class Ended:
     """What the scorer made of it."""
 
@@ -81,7 +92,11 @@ class Running:
         self._first: int | None = None
         self.keys: dict[str, int] = {}
         """The sequence that an Idempotency-Key was used for."""
+        self.shown: Shown | None = None
+        """None before the first, and after the end."""
         self._received: dict[int, float] = {}
+        self._pictures: dict[int, bytes | memoryview] = {}
+        """Of frames that have no answer yet: those that wait are held for the scorer already."""
         self._answers: dict[int, asyncio.Future[bytes]] = {}
         self._said: dict[int, int] = {}
         """Where in `messages` the answer to a frame is, by its sequence."""
@@ -166,6 +181,7 @@ class Running:
     def leave(self, kind: str, full: bytes | None, reason: str | None) -> None:
         """The last message; the scorer knows nothing of it any more."""
         self.phase = "ended"
+        self.shown = None
         self.scorer.forget(self.inspection_id)
         said = b'{"kind":%b,"reason":%b,"result":%b}' % (_json(kind), _json(reason), full or b"null")
         self._log(said)
@@ -205,6 +221,7 @@ class Running:
                 waiting.exception()
         self._answers.clear()
         self._received.clear()
+        self._pictures.clear()
 
     def _hear_frame(self, head: Head, body: bytes) -> None:
         sequence = head["sequence"]
@@ -215,12 +232,13 @@ class Running:
             if kind in ("deviation_opened", "deviation_closed", "early_ng"):
                 self._around.events.publish(kind, **self._names(), **_parsed(line))
             self._log(line)
-        outcome = head["kinds"][0]
+        outcome, picture = head["kinds"][0], self._pictures.pop(sequence)
         self._around.metrics.frames.labels(self.product_id, outcome).inc()
         if outcome == "scored":
             self.scored += 1
             self._scored_at.append(self._said[sequence])
             self._briefs.append(head["brief"])
+            self.shown = Shown(sequence, picture, lines[0])
         self.load.took(sum(head["took"].values()))
         for stage, seconds in head["took"].items():
             self._around.metrics.stages.labels(stage).observe(seconds)
@@ -254,6 +272,7 @@ class Running:
 
     def _ask(self, sent: SentFrame) -> None:
         self._received[sent.sequence] = time.perf_counter()
+        self._pictures[sent.sequence] = sent.picture
         head = {"do": "frame", "id": self.inspection_id, "sequence": sent.sequence, "t_ns": sent.t_ns}
         self.scorer.ask(self, head | {"encoder": sent.encoder}, sent.picture)
 

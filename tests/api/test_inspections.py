@@ -192,7 +192,7 @@ def test_what_is_not_there_is_told(client: TestClient, path: str):
     wrong(client.post(f"/v1/inspections/{'0' * 32}/{path}", content=b"", headers=jpeg), 404, "no inspection")
 
 
-@pytest.mark.parametrize("path", ["", "/result", "/scores", "/recording"])
+@pytest.mark.parametrize("path", ["", "/result", "/scores", "/recording", "/picture"])
 def test_what_is_not_there_cannot_be_read(client: TestClient, path: str):
     wrong(client.get(f"/v1/inspections/{'0' * 32}{path}"), 404, "no inspection")
 
@@ -231,6 +231,44 @@ def test_a_sweep_that_the_line_stopped_because_of_ng_stays_ng(client: TestClient
     inspection = begin(client)
     feed(client, inspection, frames()[:30])
     assert client.post(f"/v1/inspections/{inspection}/conclude", json={"stopped": True}).json()["verdict"] == "NG"
+
+
+def test_the_latest_picture_is_the_one_that_was_scored_last(client: TestClient):
+    inspection = begin(client)
+    path = f"/v1/inspections/{inspection}/picture"
+    wrong(client.get(path), 404, "no frame was scored yet")
+    for frame in frames()[:2]:
+        scored = post(client, inspection, frame).json()
+        shown = client.get(path)
+        assert (shown.content, shown.headers["content-type"]) == (picture(frame), "image/jpeg")
+        assert (shown.headers["frame-index"], shown.headers["frame-sequence"]) == (
+            str(scored["index"]),
+            str(frame.sequence),
+        )
+        told = json.loads(shown.headers["frame-scored"])
+        assert told == {name: value for name, value in scored.items() if name not in ("n", "kind", "sequence")}
+    again = client.get(path, headers={"if-none-match": shown.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    client.post(f"/v1/inspections/{inspection}/frames", content=b"none", headers={"content-type": "image/jpeg"})
+    assert client.get(path).content == picture(frames()[1])
+    client.post(f"/v1/inspections/{inspection}/conclude")
+    wrong(client.get(path), 404, "it is completed; ask for its frames by index")
+
+
+def test_the_station_says_how_often_its_pictures_may_be_asked_for(client: TestClient, service: Service):
+    inspection = begin(client)
+    running = len(service.inspections.running)
+    assert service.inspections.station == {"state": "inspecting", "running": running, "pictures_per_second": 4.0}
+    client.post(f"/v1/inspections/{inspection}/abort")
+
+
+def test_boxes_of_the_latest_picture_are_its_own(client: TestClient):
+    inspection = begin(client)
+    for frame in frames():
+        scored = post(client, inspection, frame).json()
+        told = json.loads(client.get(f"/v1/inspections/{inspection}/picture").headers["frame-scored"])
+        assert (told["index"], len(told["regions"])) == (scored["index"], min(12, len(scored["regions"])))
+    assert client.post(f"/v1/inspections/{inspection}/conclude").json()["verdict"] == "NG"
 
 
 def test_lists_are_newest_first_and_cheap_to_poll(client: TestClient):
