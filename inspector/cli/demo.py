@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import progress
+from inspector.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
     from inspector.demo import Demo, Row
 
+_ENDING_SECONDS = 5.0
 WIDTH = 120
 """Of the table, where stdout is no terminal."""
 
@@ -22,6 +23,8 @@ def demo(
     ] = None,
     part: Annotated[str, typer.Option(help="plate, board or casting, a design's number after it: board2")] = "plate",
     seed: Annotated[int, typer.Option(help="Other parts, other conditions, other places.")] = 1,
+    serve: Annotated[bool, typer.Option("--serve", help="Then serve, with a line that sends part after part.")] = False,
+    port: Annotated[int, typer.Option(metavar="N", help="Of the service; 0 takes a free one.")] = 8000,
 ) -> None:
     """Learn from two simulated golden sweeps, inspect good and defective parts, show the verdicts.
 
@@ -36,8 +39,41 @@ def demo(
     with progress("sweeping, learning, inspecting") as share:
         shown = run_demo(folder, part=part, seed=seed, progress=share)
     _print(shown)
+    if serve:
+        _serve(folder, part, port)
     if not shown.right:
         raise typer.Exit(1)
+
+
+def _serve(folder: Path, part: str, port: int) -> None:
+    """A service in the demo's folder, and a line that is its client, until Ctrl-C."""
+    import threading
+
+    from inspector.client import ClientError
+    from inspector.demo_line import run_line
+    from inspector.serving import serve
+    from inspector.settings import read_settings
+
+    stop = threading.Event()
+
+    def line(url: str) -> None:
+        try:
+            run_line(
+                url, folder, part, stop, on_verdict=lambda name, verdict: print(f"  {name}: {verdict}", flush=True)
+            )
+        except ClientError as error:
+            # Ctrl-C ends the service first, and the line hears of it.
+            if not stop.wait(_ENDING_SECONDS):
+                warn(f"the demo's line has stopped: {error}")
+
+    def begin(url: str) -> None:
+        print(f"inspector serves at {url}; a line sends it part after part; Ctrl-C ends both", flush=True)
+        threading.Thread(target=line, args=(url,), daemon=True).start()
+
+    try:
+        serve(read_settings(data=folder / "service", port=port, log_level="warning"), begin)
+    finally:
+        stop.set()
 
 
 def free_name(wanted: Path) -> Path:

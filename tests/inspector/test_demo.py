@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import threading
+from pathlib import Path
 
 import pytest
 
@@ -10,7 +12,9 @@ from inspector.cameras.simulated.render import Pose
 from inspector.cameras.simulated.truth import DefectTruth, FrameTruth
 from inspector.cli import run
 from inspector.demo import DEFECTS, Demo, Row, Sample, lies_on_defect, planted_at, run_demo, samples
+from inspector.demo_line import run_line
 from models.verdict import Deviation, Judgement, Region, Result
+from tests.system.serving import serve
 
 SHORT = "&size=160x120&path=line&frames=60"
 PARTS = (
@@ -105,3 +109,10 @@ def test_a_defect_is_where_it_is_nearest_to_the_middle() -> None:
 def test_a_deviation_lies_on_a_defect_whose_box_its_region_touches(x: int, on_it: bool) -> None:
     deviation = Deviation(0, 1, 0, 2, "appearance", "dark", 2.0, 1, (Region(x, 20, 10, 10, 2.0, "dark"),))
     assert lies_on_defect(deviation, [seen(0.0), seen(0.5, (50, 25, 60, 35))]) is on_it
+
+
+def test_the_line_teaches_a_service_and_its_verdicts_are_the_demos(demo: Demo, tmp_path: Path) -> None:
+    told: dict[str, str] = {}
+    with serve(tmp_path / "data") as served:
+        run_line(served.url, demo.folder, "plate", threading.Event(), which=iter, on_verdict=told.__setitem__)
+    assert told == {row.name: row.result.verdict.value for row in demo.rows}
