@@ -18,6 +18,7 @@ from api import (
     inspections,
     jobs,
     learning,
+    page,
     pictures,
     products,
     recipes,
@@ -48,6 +49,7 @@ ROUTERS = (
     events.router,
     audit.router,
     tokens.router,
+    page.router,
 )
 ALWAYS: dict[int | str, dict[str, Any]] = {
     400: {"model": Problem, "description": "The body cannot be read."},
@@ -83,6 +85,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         redirect_slashes=False,
     )
     app.state.service = service
+    app.state.dashboard = page.read_files()
     app.add_middleware(Guard, settings=service.settings, metrics=service.metrics)
     errors.install(app)
     for router in ROUTERS:

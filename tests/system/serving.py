@@ -34,9 +34,9 @@ def free_port() -> int:
 
 
 @contextmanager
-def serve(data: Path, *options: str, **settings: str) -> Generator[Served]:
+def serve(data: Path, *options: str, port: int | None = None, **settings: str) -> Generator[Served]:
     """The service on that folder, ready; ended in the end, in whatever state it is. Leads a process group."""
-    port, log = free_port(), data.with_name(f"{data.name}.log")
+    port, log = port or free_port(), data.with_name(f"{data.name}.log")
     command = [sys.executable, "-c", "from inspector.cli import main; main()", "serve", "--data", str(data)]
     environment = os.environ | {f"INSPECTOR_{name.upper()}": value for name, value in settings.items()}
     with log.open("ab") as out:

@@ -1,0 +1,40 @@
+// Which product's recipe, or trends: a list to choose from; the only one is gone to at once.
+
+import { empty, h, moment, replace } from "../dom.js";
+
+const WORDS = { recipe: "Recipes", trends: "Trends" };
+export const title = ({ of }) => WORDS[of];
+
+export async function show(root, params, app) {
+  await draw(root, params, app);
+  return app.events.on("reload", () => draw(root, params, app).catch(() => {}));
+}
+
+async function draw(root, { of }, app) {
+  const products = await app.api.list("/v1/products");
+  if (products.length === 1) {
+    location.replace(`#/${of}/${encodeURIComponent(products[0].product_id)}`);
+    return;
+  }
+  const rows = products.map(({ product_id: id, active_recipe: recipe, created_ns: created }) =>
+    h(
+      "tr",
+      {},
+      h("td", {}, h("a", { class: "row-link", href: `#/${of}/${encodeURIComponent(id)}` }, id)),
+      h("td", {}, recipe ? `version ${recipe.version}` : "nothing learnt yet"),
+      h("td", { class: "number" }, moment(created)),
+    ),
+  );
+  const head = ["Product", "Recipe", "Since"].map((each) => h("th", { scope: "col" }, each));
+  replace(
+    root,
+    h("h1", {}, WORDS[of]),
+    products.length === 0
+      ? empty(
+          "No product yet",
+          "A product comes into being with its first sweep. Record one good part, and upload it:",
+          `curl --data-binary @golden-1.mcap -H 'Content-Type: application/octet-stream' \\\n  ${location.origin}/v1/products/plate/sweeps`,
+        )
+      : h("table", { class: "list" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows)),
+  );
+}
