@@ -5,8 +5,8 @@ Run by hand, on an otherwise idle machine: python -m tests.benchmarks.streaming 
 A service (`inspector serve`) and the clients are processes of their own. Every camera sends 320x240 JPEGs at 30 frames
 a second over a WebSocket of its own, in sweeps of nine seconds, one part after the other, whatever the service answers.
 Counted is what became of every frame, and how long it took from the last byte sent to the score received, the
-client's own delays included. Then one stream comes as fast as its credits allow, to a service that has one core for all its
-processes; its rate is compared with that of decoding and scoring the same frames in a bare loop on that core, in turns.
+client's own delays included. Then one stream comes as fast as its credits allow, to a service that has one core for all
+its processes; its rate is compared with decoding and scoring the same frames in a bare loop on that core, in turns.
 """
 
 from __future__ import annotations
