@@ -46,8 +46,8 @@ async def _told(service: Service, last_id: str | None) -> AsyncGenerator[bytes]:
     with service.events.listening():
         station = json.dumps(service.inspections.station)
         yield format_sse_event(retry=1000, event="station", data_str=station)
-        async for event in service.events.since(last_id):
-            yield QUIET if event is None else _formatted(event)
+        async for batch in service.events.since(last_id):
+            yield b"".join(map(_formatted, batch)) or QUIET
 
 
 @lru_cache(maxsize=64)

@@ -91,28 +91,29 @@ class Events:
         finally:
             self.listeners -= 1
 
-    async def since(self, last_id: str | None) -> AsyncIterator[Event | None]:
-        """What was told after that id, then what is told from now on; without an id only the latter.
+    async def since(self, last_id: str | None) -> AsyncIterator[tuple[Event, ...]]:
+        """What was told after that id, then what is told from now on, as many at a time as there are.
 
-        None where nothing happened for a while.
+        Without an id only the latter. An empty batch where nothing happened for a while.
         """
         at, known = self._place(last_id)
         if not known:
-            yield Event(f"{self._boot}-{at - 1}", "missed", json.dumps({"last_id": last_id}))
+            yield (Event(f"{self._boot}-{at - 1}", "missed", json.dumps({"last_id": last_id})),)
         while not self._closed:
             news = self._news
             oldest = self._next - len(self._events)
             if at < oldest:
-                yield Event(f"{self._boot}-{oldest - 1}", "missed", json.dumps({"count": oldest - at}))
+                yield (Event(f"{self._boot}-{oldest - 1}", "missed", json.dumps({"count": oldest - at})),)
                 at = oldest
             elif at < self._next:
-                yield self._events[at - oldest]
-                at += 1
+                batch = tuple(self._events[i] for i in range(at - self._next, 0))
+                at = self._next
+                yield batch
             else:
                 with suppress(TimeoutError):
                     await asyncio.wait_for(news.wait(), _QUIET_SECONDS)
                     continue
-                yield None
+                yield ()
 
     def _place(self, last_id: str | None) -> tuple[int, bool]:
         """The number to go on with, and whether nothing is missing before it."""
