@@ -48,6 +48,7 @@ from inspector.service.errors import (
 from inspector.service.events import TooManyListeners
 from inspector.service.folder import FolderInUse, FolderRefused, NoFileId
 from inspector.service.jobs import TooMuchToDo
+from inspector.service.pictures import NoSuchPicture
 from inspector.service.replays import NoScores
 from inspector.settings import SettingRefused
 from inspector.stores.base import NoSuch, StoreConflict
@@ -87,6 +88,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     NoSuch: Kind(404, "Not found"),
     NoFileId: Kind(404, "Not found"),
     NoPictureYet: Kind(404, "No picture"),
+    NoSuchPicture: Kind(404, "No picture"),
     StoreConflict: Kind(409, "Not possible now"),
     NotOpen: Kind(409, "Takes no more frames"),
     TooManyFrames: Kind(409, "Too many frames"),

@@ -1,29 +1,60 @@
-"""Pictures of inspections: the latest one of those that run."""
+"""Pictures of inspections: the latest one of those that run, every recorded one of those that have ended."""
 
 from __future__ import annotations
 
 import json
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Path
 from fastapi.requests import Request
 from fastapi.responses import Response
+from pydantic import BaseModel
 
-from api.deps import Id, ServiceDep, Viewer, has_already, in_thread, problems
+from api.deps import Id, ServiceDep, Viewer, has_already, in_thread, problems, tagged
 from inspector.picture_headers import kind_of
+from inspector.result_json import frame_record
 from inspector.service.errors import NoPictureYet
 from inspector.service.running import Shown
 
 router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
-PICTURES = {f"image/{kind}": {"schema": {"type": "string", "format": "binary"}} for kind in ("jpeg", "png", "webp")}
-OTHERS = {f"image/{kind}": {"schema": {"type": "string", "format": "binary"}} for kind in ("bmp", "tiff")}
+Kind = Literal["frame", "expected", "seen", "difference"]
+Index = Annotated[int, Path(ge=0, le=10**6, description="Counts the frames of the inspection from 0.")]
 MOST = 12
 """Regions that a header tells."""
+FOREVER = {"Cache-Control": "private, max-age=86400, immutable", "Vary": "Authorization"}
+
+
+def pictures(*kinds: str) -> dict[int | str, dict[str, Any]]:
+    """For the documentation: a picture, of one of these kinds."""
+    content = {f"image/{kind}": {"schema": {"type": "string", "format": "binary"}} for kind in kinds}
+    return {200: {"content": content, "description": "The picture."}}
+
+
+class FrameOut(BaseModel):
+    """What was said of a frame, by the names of a result, and how it was compared."""
+
+    index: int
+    t_ns: int
+    state: str
+    s: float | None
+    score: float
+    raw_score: float
+    residuals: dict[str, float]
+    regions: list[dict[str, Any]]
+    """In pixels of the frame as recorded."""
+    reference: int
+    """The place of the reference sweep whose picture it was compared with, counted from 0; -1 where none was."""
+    placement: list[float]
+    """Affine (a, b, c, d, e, f): pixel (u, v) of the pictures `expected`, `seen` and `difference` lies at
+    (a u + b v + c, d u + e v + f) of the frame; (0, 0) is the middle of the first pixel. Empty where not compared."""
+    light: list[float]
+    """Gain, offset in grey levels, shading across and down, that make the expected picture look like the frame."""
 
 
 @router.get(
     "/{inspection_id}/picture",
     response_class=Response,
-    responses=problems(404) | {200: {"content": PICTURES | OTHERS, "description": "The picture, as it was received."}},
+    responses=problems(404) | pictures("jpeg", "png", "webp", "bmp", "tiff"),
 )
 async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: Viewer) -> Response:
     """The picture of a running inspection that was scored last; cheap to poll with If-None-Match.
@@ -42,6 +73,34 @@ async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: 
         return Response(None, 304, headers)
     picture = bytes(shown.picture)
     return Response(picture, 200, headers | _told(shown), f"image/{kind_of(picture)}")
+
+
+@router.get("/{inspection_id}/frames/{index}", response_model=FrameOut, responses=problems(404, 409))
+async def frame(request: Request, inspection_id: Id, index: Index, service: ServiceDep, who: Viewer) -> Response:
+    """What was said of a frame of an inspection that has ended."""
+    scored = await in_thread(service.pictures.frame, inspection_id, index)
+    how = {"reference": scored.reference, "placement": scored.placement, "light": scored.light}
+    return tagged(request, FrameOut.model_validate(frame_record(scored) | how))
+
+
+@router.get(
+    "/{inspection_id}/frames/{index}/pictures/{kind}",
+    response_class=Response,
+    responses=problems(404, 409, 410, 500, 503) | pictures("jpeg", "png", "webp", "bmp"),
+)
+async def picture(
+    *, request: Request, inspection_id: Id, index: Index, kind: Kind, service: ServiceDep, who: Viewer
+) -> Response:
+    """A frame of an inspection that has ended, from its recording; of a replay, from what it is a replay of.
+
+    `frame` is as it was recorded, `expected` what should be there, `seen` the frame laid on that and lit like it.
+    `difference` is to be laid on either: orange where too bright, blue where too dark, clear within tolerance.
+    """
+    made = await service.jobs.shown(lambda: service.pictures.picture(inspection_id, index, kind))
+    headers = {"ETag": f'"{index}-{kind}"', **FOREVER}
+    if has_already(request, headers["ETag"]):
+        return Response(None, 304, headers)
+    return Response(made.data, 200, headers, f"image/{made.format}")
 
 
 def _told(shown: Shown) -> dict[str, str]:

@@ -92,6 +92,19 @@ def difference_picture(difference: Float32[np.ndarray, "h w"], ground: np.ndarra
     return (pale + strength * (ink - pale)).round().astype(np.uint8)
 
 
+def heat(beyond: Float32[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 4"]:
+    """Orange where too bright, blue where too dark, to be laid on a picture; nothing is drawn below half the limit.
+
+    At the limit, 1 and -1, the ink covers 45 %, from three times that on all.
+
+    >>> heat(np.float32([[0.4, 1, -3]]))[0].tolist()
+    [[0, 140, 255, 0], [0, 140, 255, 115], [255, 110, 30, 255]]
+    """
+    cover = np.interp(np.abs(beyond), (0.5, 1.0, 3.0), (0.0, 0.45, 1.0))[:, :, None]
+    ink = np.where((beyond >= 0)[:, :, None], (0, 140, 255), (255, 110, 30))
+    return np.concatenate([ink, np.rint(255 * cover)], axis=2).astype(np.uint8)
+
+
 def outline(tile: Picture, corners: Float[np.ndarray, "n 2"], colour: Colour) -> None:
     """A closed line on the tile, with a pale rim so that it is seen on any ground."""
     line = [np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)]

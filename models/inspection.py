@@ -9,15 +9,17 @@ from functools import cached_property
 from math import hypot
 
 import numpy as np
+from jaxtyping import Float, Float32
 
 from models.appearance import Appearance
 from models.errors import PictureError
+from models.excess import BRIGHT, DARK, Excess, strongest
 from models.frame import Frame
 from models.judging import judge
 from models.limits import promise
 from models.registration import WIDE, affine, full_pose
 from models.scoring import Look, Memory, look, regions, remember
-from models.tolerance import aligned, levels
+from models.tolerance import aligned, cells_shown, levels
 from models.verdict import FrameState, Policy, Residuals, Result, ScoredFrame
 
 _LOST_AFTER = 8
@@ -153,15 +155,45 @@ def explain(appearance: Appearance, frame: Frame, scored: ScoredFrame) -> Explan
     if scored.reference < 0:
         return None
     expected = appearance.references.get(scored.reference).picture
-    a, b, c, d, e, f = scored.placement
-    w, h = frame.size
-    pose = np.array([0.0, 0.0, np.arctan2(d, a)])
-    base = affine(pose, (w, h))
-    pose[:2] = c - base[0, 2], f - base[1, 2]
-    seen = aligned(levels(frame.pixels), pose, np.array(scored.light))
+    seen = aligned(levels(frame.pixels), _pose(scored, frame.size), np.array(scored.light))
     whole = np.clip(expected, 0, 255).astype(np.uint8)
     difference = seen - expected.astype(np.float32)
-    return Explanation(whole, np.clip(seen, 0, 255).astype(np.uint8), difference, (a, b, c, d, e, f))
+    return Explanation(whole, np.clip(seen, 0, 255).astype(np.uint8), difference, scored.placement)
+
+
+def out_of_tolerance(
+    appearance: Appearance, policy: Policy, scored: ScoredFrame, shown: Explanation
+) -> Float32[np.ndarray, "h w"]:
+    """Pixel by pixel, what the score is made of: above 0 too bright, below too dark, 1 and -1 at the threshold.
+
+    Edges that stray are forgiven, and 0 is where nothing is compared. A score is a mean of this over some pixels that
+    several frames agree on, so single pixels may reach more. Of the fine scale only, and of the strongest colour.
+    """
+    reference, factor = appearance.references.get(scored.reference), begin(appearance, policy).factor
+    pose, cell, size = _pose(scored, appearance.size), reference.cell, appearance.size
+    rows, cols = cells_shown(pose, size, cell)
+    seen, unseen = appearance.ignored.laid(reference.picture, shown.seen.astype(reference.picture.dtype), pose, cell)
+    excess = Excess.of(reference.picture, (reference.band.low, reference.band.high), seen)
+    both: list[Float32[np.ndarray, "h w"]] = []
+    for polarity in (BRIGHT, DARK):
+        limit = np.full(reference.thresholds[0].shape, np.inf, np.float32)
+        limit[rows, cols] = factor * reference.thresholds[0][rows, cols]
+        if reference.allowed is not None:
+            limit *= reference.allowed[:, :, polarity]
+        if unseen is not None:
+            limit[unseen] = np.inf
+        each = np.repeat(np.repeat(limit, cell, axis=0), cell, axis=1)[: size[1], : size[0]]
+        both.append(strongest(excess.forgiven(polarity)).astype(np.float32) / each)
+    return np.where(both[0] >= both[1], both[0], -both[1])
+
+
+def _pose(scored: ScoredFrame, size: tuple[int, int]) -> Float[np.ndarray, " 3"]:
+    """Shift and turn of a frame of this (width, height) on its reference picture, by its placement."""
+    a, _, c, d, _, f = scored.placement
+    pose = np.array([0.0, 0.0, np.arctan2(d, a)])
+    base = affine(pose, size)
+    pose[:2] = c - base[0, 2], f - base[1, 2]
+    return pose
 
 
 def _scored(inspection: Inspection, frame: Frame, memory: Memory, shown: Look | None) -> ScoredFrame:

@@ -83,7 +83,7 @@ class Jobs:
         self._now_ns = now_ns
         threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1}
         self._queues = {kind: _Queue(count, kind) for kind, count in threads.items()}
-        self._at_once = _Queue(4, "desk")
+        self._at_once, self._shown = _Queue(4, "desk"), _Queue(2, "show")
 
     async def begin(self, kind: JobKind, product_id: str, request: Json, work: Work) -> Job:
         """A job that runs, or waits for its turn. Raises TooMuchToDo."""
@@ -97,9 +97,14 @@ class Jobs:
         self._at_once.check()
         return await asyncio.shield(self._at_once.put(work))
 
+    async def shown(self, work: Callable[[], T]) -> T:
+        """The same for what somebody looks at, which does not wait for replays. Raises TooMuchToDo."""
+        self._shown.check()
+        return await asyncio.shield(self._shown.put(work))
+
     def close(self) -> None:
         """After the desks were closed. Blocks until every job has said how it ended."""
-        for queue in (*self._queues.values(), self._at_once):
+        for queue in (*self._queues.values(), self._at_once, self._shown):
             queue.close()
 
     def _run(self, job: Job, work: Work) -> None:

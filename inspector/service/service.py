@@ -18,6 +18,7 @@ from inspector.service.inspections import Inspections
 from inspector.service.jobs import Jobs
 from inspector.service.learning import Learning
 from inspector.service.metrics import Metrics
+from inspector.service.pictures import Pictures
 from inspector.service.replays import Replays
 from inspector.service.retention import DAY_NS, Retention, free_bytes, tidy
 from inspector.service.running import Bounds
@@ -41,6 +42,7 @@ class Service:
     sweeps: Sweeps
     learning: Learning
     replays: Replays
+    pictures: Pictures
     inspections: Inspections
 
     def __init__(self, settings: Settings, now_ns: Callable[[], int] = time.time_ns) -> None:
@@ -76,7 +78,7 @@ class Service:
         self.access = Access(store, settings.asks_for_tokens, self.now_ns)
         learners = max(1, CORES // 2)
         # Apart: what somebody waits for does not wait for what takes minutes.
-        learning, recording, looking = self._desks = (Desk(learners), Desk(4), Desk(2))
+        learning, recording, looking, showing = self._desks = (Desk(learners), Desk(4), Desk(2), Desk(1))
         self.jobs = Jobs(store, folder, self.events, self.metrics, learners=learners, now_ns=self.now_ns)
         self.sweeps = Sweeps(
             store,
@@ -89,6 +91,7 @@ class Service:
         )
         self.learning = Learning(store, folder, learning, self.now_ns)
         self.replays = Replays(store, folder, looking, self.now_ns)
+        self.pictures = Pictures(store, folder, showing)
         self.inspections = Inspections(
             store,
             folder,

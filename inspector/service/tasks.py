@@ -1,4 +1,4 @@
-"""What is done on the desk, in a process of its own: surveys, recording, learning, replays, judging again.
+"""What is done on the desk, in a process of its own: surveys, recording, learning, replays, judging again, pictures.
 
 Each task takes JSON values and a `progress` to call with the share done, and returns JSON values.
 
@@ -12,20 +12,21 @@ import hashlib
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from inspector.cameras import open_camera
 from inspector.cameras.base import waits
 from inspector.errors import RecordingError
-from inspector.learner import add_recordings, learn_recordings, load_appearance
+from inspector.learner import add_recordings, learn_recordings
 from inspector.recorder import RecordingSummary
 from inspector.recorder import record as record_sweep
 from inspector.recording import SweepReader, count_frames
 from inspector.replay import replay as replay_recording
 from inspector.result_json import result_record
 from inspector.scores_json import scores_from_bytes, scores_to_bytes
+from inspector.service import showing
+from inspector.service.showing import load_cached
 from models.appearance import Appearance
 from models.frame import Frame
 from models.judging import judge, rescaled
@@ -176,10 +177,25 @@ def _factor(appearance: Appearance, policy: Policy) -> float:
     return promise(appearance.peaks, policy.false_rejects).factor / policy.sensitivity
 
 
-@lru_cache(2)
-def load_cached(path: str) -> Appearance:
-    """An appearance, kept for the next time: files of appearances never change."""
-    return load_appearance(path)
+def picture(
+    progress: Progress,
+    *,
+    recording: str,
+    index: int,
+    kind: str,
+    appearance: str,
+    policy: Mapping[str, float],
+    scored: str | None,
+) -> Json:
+    """`format` and `data`; or `missing`, a sentence, where there is no such picture. `scored` is of one frame."""
+    frames = scores_from_bytes(b64decode(scored)) if scored is not None else ()
+    made = showing.picture(
+        recording=recording, index=index, kind=kind, appearance=appearance, policy=Policy(**policy),
+        scored=frames[0] if frames else None,
+    )  # fmt: skip
+    if isinstance(made, str):
+        return {"missing": made}
+    return {"format": made.format, "data": b64encode(made.data).decode()}
 
 
 TASKS: Mapping[str, Callable[..., Json]] = {
@@ -188,4 +204,5 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "learn": learn,
     "replay": replay,
     "rejudge": rejudge,
+    "picture": picture,
 }

@@ -10,7 +10,7 @@ import pytest
 from models.appearance import Appearance
 from models.errors import PictureError
 from models.frame import Frame
-from models.inspection import Inspection, begin, conclude, digest, explain, step
+from models.inspection import Inspection, begin, conclude, digest, explain, out_of_tolerance, step
 from models.judging import rescaled
 from models.limits import promise
 from models.verdict import FrameState, Judgement, Policy, Result, ScoredFrame
@@ -289,6 +289,28 @@ def test_the_placement_told_lays_the_frame_on_its_reference():
         shown = explain(golden(), frames[i], scored[i])
         assert shown.placement == scored[i].placement
         assert np.abs(shown.difference[10:-10, 10:-10]).mean() < 3
+
+
+@pytest.mark.parametrize(("level", "sign"), [(60, 1), (-50, -1)])
+def test_what_is_out_of_tolerance_is_the_spot_with_its_sign_and_nothing_else(level: float, sign: int):
+    state = after(spotted(level)[:34])
+    each = spotted(level)[34]
+    scored = step(state, each)[1]
+    shown = explain(golden(), each, scored)
+    beyond = out_of_tolerance(golden(), Policy(), scored, shown)
+    over = np.argwhere(np.abs(beyond) >= 1)
+    assert (beyond.shape, beyond.dtype, len(over) > 20) == ((120, 160), np.float32, True)
+    assert (sign * beyond[tuple(over.T)] >= 1).all()
+    a, b, c, d, e, f = scored.placement
+    y, x = over.mean(axis=0)
+    # The camera stands over place 34, a step before the spot.
+    assert (a * x + b * y + c, d * x + e * y + f) == pytest.approx((SPOT[0] - FIRST - STEP * 34 + 79.5, 59.5), abs=2)
+    half = out_of_tolerance(golden(), Policy(sensitivity=0.5), scored, shown)
+    np.testing.assert_allclose(half, 0.5 * beyond, rtol=1e-5)
+    ignore = np.zeros((120, 160), bool)
+    ignore[:, 40:120] = True
+    masked = replace(golden(), preparation=replace(golden().preparation, ignore=ignore))
+    assert np.abs(out_of_tolerance(masked, Policy(), scored, shown)).max() < 1
 
 
 def test_a_frame_that_was_not_compared_cannot_be_explained():

@@ -1,0 +1,126 @@
+"""Pictures of recorded frames, and what was said of them: for whoever looks at an inspection that has ended.
+
+inspector.errors.WorldError
+└── NoSuchPicture            a frame, or a picture of it, that there is not
+"""
+
+from __future__ import annotations
+
+import threading
+from base64 import b64decode, b64encode
+from collections import OrderedDict
+from pathlib import Path
+
+from inspector.errors import WorldError
+from inspector.scores_json import scores_from_bytes, scores_to_bytes
+from inspector.service.desk import Desk, naming
+from inspector.service.errors import NotConcluded, RecordingGone
+from inspector.service.folder import DataFolder
+from inspector.stores.base import AbstractStore
+from inspector.stores.records import StoredInspection
+from models.frame import EncodedPicture
+from models.verdict import ScoredFrame
+
+_HELD_BYTES = 32 << 20
+"""Of pictures that were told, for who else looks at the same frame."""
+_SCORED = 4
+"""Inspections whose scores stay at hand."""
+Key = tuple[str, int, str]
+
+
+class NoSuchPicture(WorldError):
+    """A frame, or a picture of it, that there is not."""
+
+    def __init__(self, inspection_id: str, index: int, kind: str | None, why: str) -> None:
+        what = f"picture {kind!r} of " if kind else ""
+        super().__init__(f"there is no {what}frame {index} of inspection {inspection_id!r}: {why}")
+
+
+class Pictures:
+    """Looks recorded frames up. Everything here blocks."""
+
+    def __init__(self, store: AbstractStore, folder: DataFolder, desk: Desk) -> None:
+        self._store, self._folder, self._desk = store, folder, desk
+        self._lock = threading.Lock()
+        self._told: OrderedDict[Key, EncodedPicture] = OrderedDict()
+        self._scores: OrderedDict[str, tuple[ScoredFrame, ...]] = OrderedDict()
+
+    def frame(self, inspection_id: str, index: int) -> ScoredFrame:
+        """What was said of a frame. Raises NoSuchInspection, NotConcluded, NoSuchPicture."""
+        scored = self._frame(self._ended(inspection_id), index)
+        if scored is None:
+            raise NoSuchPicture(inspection_id, index, None, "the inspection has no scores")
+        return scored
+
+    def picture(self, inspection_id: str, index: int, kind: str) -> EncodedPicture:
+        """`frame`, `expected`, `seen` or `difference`.
+
+        Raises NoSuchInspection, NotConcluded, RecordingGone, NoSuchPicture, WorkFailed.
+        """
+        key = inspection_id, index, kind
+        with self._lock:
+            if (known := self._told.get(key)) is not None:
+                self._told.move_to_end(key)
+                return known
+        stored = self._ended(inspection_id)
+        scored, (recording, thing) = self._frame(stored, index), self._recording(stored)
+        appearance = self._folder.appearance(stored.appearance_id)
+        asked = {
+            "recording": str(recording),
+            "index": index,
+            "kind": kind,
+            "appearance": str(appearance),
+            "policy": stored.policy,
+            "scored": b64encode(scores_to_bytes([scored])).decode() if scored is not None else None,
+        }
+        with naming({str(recording): f"the recording of {thing}", str(appearance): "the appearance"}):
+            made = self._desk.do("picture", asked)
+        if "missing" in made:
+            raise NoSuchPicture(inspection_id, index, kind, made["missing"])
+        picture = EncodedPicture(made["format"], b64decode(made["data"]))
+        self._keep(key, picture)
+        return picture
+
+    def _ended(self, inspection_id: str) -> StoredInspection:
+        stored = self._store.inspection(inspection_id)
+        if stored.state == "processing" or stored.recording == "being written":
+            raise NotConcluded(inspection_id, "frame to look at")
+        return stored
+
+    def _frame(self, stored: StoredInspection, index: int) -> ScoredFrame | None:
+        """None for all frames of an inspection that was cut off, and has no scores."""
+        inspection_id = stored.inspection_id
+        with self._lock:
+            scores = self._scores.get(inspection_id)
+        if scores is None:
+            kept = self._store.scores(inspection_id)
+            if kept is None:
+                return None
+            scores = scores_from_bytes(kept)
+            with self._lock:
+                self._scores[inspection_id] = scores
+                while len(self._scores) > _SCORED:
+                    self._scores.popitem(last=False)
+        if index >= len(scores):
+            raise NoSuchPicture(inspection_id, index, None, f"it has {len(scores)} frames, counted from 0")
+        return scores[index]
+
+    def _recording(self, stored: StoredInspection) -> tuple[Path, str]:
+        """Of the inspection itself, or of what it is a replay of; and in words."""
+        kind, _, of = str((stored.result or {}).get("replay_of", "")).partition(" ")
+        if kind == "sweep":
+            path = self._folder.sweep(of)
+            if path.exists():
+                return path, f"sweep {of}"
+            raise RecordingGone(stored.inspection_id, f"sweep {of} is not there any more")
+        source = self._store.inspection(of) if kind == "inspection" else stored
+        path = self._folder.inspection(source.inspection_id)
+        if source.recording == "kept" and path.exists():
+            return path, f"inspection {source.inspection_id}"
+        raise RecordingGone(source.inspection_id, source.recording_note)
+
+    def _keep(self, key: Key, picture: EncodedPicture) -> None:
+        with self._lock:
+            self._told[key] = picture
+            while sum(len(each.data) for each in self._told.values()) > _HELD_BYTES:
+                self._told.popitem(last=False)
