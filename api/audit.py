@@ -22,7 +22,7 @@ class Entry(BaseModel):
     t_ns: int
     actor: str
     action: str
-    """`recipe.add`, `recipe.activate`, `token.add`, `token.revoke`."""
+    """`recipe.add`, `recipe.activate`, `inspection.dispose`, `token.add`, `token.revoke`."""
     thing: str
     """The id of what was changed."""
     before: dict[str, Any] | None

@@ -34,7 +34,8 @@ async def events(
     First comes the `station` as it is: `state`, `running`, and `pictures_per_second`, which says how often each
     listener may ask for the latest picture of each running inspection. Then come `begun`, `scores` (four times a
     second: [index, s, score, state] of each frame, and the drops), `deviation_opened`, `deviation_closed`, `early_ng`,
-    `verdict`, `aborted`, `station`, `job`; `missed` where some can not be told any more: read the lists again.
+    `verdict`, `aborted`, `disposition`, `station`, `job`; `missed` where some can not be
+    told any more: read the lists again.
     """
     service.events.check_room()
     return StreamingResponse(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated, Any
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Header, Query
 from fastapi.requests import Request
 from fastapi.responses import FileResponse, Response
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from api.deps import (
     IDENTITY,
@@ -35,7 +36,7 @@ from inspector.scores_json import scores_from_bytes
 from inspector.service.errors import NotConcluded, RecordingGone
 from inspector.service.running import Running
 from inspector.service.service import Service
-from inspector.stores.records import InspectionSource, InspectionState, StoredInspection
+from inspector.stores.records import Decision, InspectionSource, InspectionState, StoredInspection
 
 router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
 PICTURES = ("image/jpeg", "image/png", "image/webp", "image/bmp", "image/tiff")
@@ -77,6 +78,39 @@ class Abort(Asked):
     reason: Annotated[str, Field(min_length=1, max_length=200, pattern=TEXT)] = "aborted by the line"
 
 
+class Dispose(Asked):
+    """What a person says of a part, having looked at it."""
+
+    decision: Decision
+    verdict: Literal["OK", "NG"] | None = None
+    """What it is instead; only to `overrule`, and needed there."""
+    comment: Annotated[str, Field(max_length=1000, pattern=TEXT)] = ""
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        if (self.verdict is None) == (self.decision == "overrule"):
+            raise ValueError("`verdict` is needed to overrule, and not allowed to confirm")
+        return self
+
+
+class Disposition(BaseModel):
+    """What a person said; the machine's verdict stays as it was given."""
+
+    decision: Decision
+    verdict: str
+    """What holds for that person."""
+    comment: str
+    actor: str
+    t_ns: int
+
+
+class DispositionPage(BaseModel):
+    """All that was said of an inspection, newest first."""
+
+    items: list[Disposition]
+    next: int | None
+
+
 class Inspection(BaseModel):
     """What is known of an inspection, without its frames."""
 
@@ -96,6 +130,8 @@ class Inspection(BaseModel):
     begun_ns: int
     ended_ns: int | None
     acknowledged_ns: int | None
+    disposition: Disposition | None
+    """The last word of a person, where one spoke."""
     coverage: float | None
     frames_scored: int | None
     """So far, where it is processing."""
@@ -215,6 +251,36 @@ async def acknowledge(inspection_id: Id, service: ServiceDep, who: Operator) -> 
     """The line has taken note of the result; the first time counts."""
     stored = await in_thread(service.store.acknowledge_inspection, inspection_id, service.now_ns())
     return told(stored, service)
+
+
+@router.post("/{inspection_id}/disposition", response_model=Inspection, responses=problems(404, 409))
+async def dispose(request: Request, inspection_id: Id, asked: Dispose, service: ServiceDep, who: Operator) -> Response:
+    """Confirm or overrule the verdict of an inspection that has ended; the last word counts, every one is kept."""
+
+    async def do() -> tuple[int, BaseModel]:
+        stored = await in_thread(
+            service.store.dispose,
+            inspection_id,
+            asked.decision,
+            asked.verdict,
+            comment=asked.comment,
+            actor=who.actor,
+            t_ns=service.now_ns(),
+        )
+        names = {"inspection_id": inspection_id, "product_id": stored.product_id, "verdict": stored.verdict}
+        service.events.publish("disposition", **names, disposition=stored.disposition)
+        return 200, told(stored, service)
+
+    return await once(request, service, who, do)
+
+
+@router.get("/{inspection_id}/dispositions", response_model=DispositionPage, responses=problems(404))
+async def dispositions(
+    *, request: Request, inspection_id: Id, service: ServiceDep, who: Viewer, after: After = None, limit: Limit = 50
+) -> Response:
+    """Everything that people said of it."""
+    page = await in_thread(service.store.dispositions, inspection_id, after, limit)
+    return tagged(request, DispositionPage(items=[Disposition(**asdict(each)) for each in page.items], next=page.next))
 
 
 @router.get("", response_model=InspectionPage)

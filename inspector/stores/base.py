@@ -17,7 +17,8 @@ inspector.errors.StoreError
 └── StoreConflict            what is asked does not go with what is there
     ├── IdTaken              an id that something has already
     ├── JobEnded             a job that has ended is changed
-    ├── NotEnded             an inspection is acknowledged that has not ended
+    ├── NotEnded             an inspection is acknowledged, or disposed of, that has not ended
+    ├── NothingToDecide      a disposition that does not go with the verdict
     └── AlreadyConcluded     an inspection is concluded that has ended
 """
 
@@ -32,6 +33,8 @@ from inspector.errors import StoreError
 from inspector.stores.records import (
     AuditEntry,
     Claim,
+    Decision,
+    Disposition,
     Ended,
     InspectionSource,
     InspectionState,
@@ -159,10 +162,18 @@ class JobEnded(StoreConflict):
 
 
 class NotEnded(StoreConflict):
-    """An inspection is acknowledged that has not ended."""
+    """An inspection is acknowledged, or disposed of, that has not ended."""
 
     def __init__(self, inspection_id: str) -> None:
         super().__init__(f"inspection {inspection_id!r} is processing; conclude it first")
+
+
+class NothingToDecide(StoreConflict):
+    """A disposition that does not go with the verdict."""
+
+    def __init__(self, inspection_id: str, verdict: str | None) -> None:
+        said = f"is {verdict} already; confirm it" if verdict else "has no verdict to confirm; say what it is"
+        super().__init__(f"inspection {inspection_id!r} {said}")
 
 
 class AlreadyConcluded(StoreConflict):
@@ -336,6 +347,19 @@ class AbstractStore(ABC):
     @abstractmethod
     def acknowledge_inspection(self, inspection_id: str, t_ns: int) -> StoredInspection:
         """The first time counts, and further ones do nothing. Raises NoSuchInspection, NotEnded."""
+
+    @abstractmethod
+    def dispose(
+        self, inspection_id: str, decision: Decision, verdict: str | None, *, comment: str = "", actor: str, t_ns: int
+    ) -> StoredInspection:
+        """What a person says of it, beside the verdict; the last word counts, all are kept and in the audit trail.
+
+        `verdict` is what they say instead, where they overrule. Raises NoSuchInspection, NotEnded, NothingToDecide.
+        """
+
+    @abstractmethod
+    def dispositions(self, inspection_id: str, after: int | None = None, limit: int = 50) -> Page[Disposition]:
+        """All that was said of it. Raises NoSuchInspection."""
 
     @abstractmethod
     def inspection(self, inspection_id: str) -> StoredInspection:

@@ -12,6 +12,7 @@ Ended = Literal["completed", "aborted", "failed"]
 InspectionSource = Literal["live", "replay"]
 SweepSource = Literal["upload", "camera"]
 RecordingState = Literal["being written", "kept", "none", "removed"]
+Decision = Literal["confirm", "overrule"]
 Role = Literal["viewer", "operator", "engineer", "admin"]
 Json = dict[str, Any]
 """A JSON object; no NaN, no infinity."""
@@ -132,6 +133,23 @@ class StoredInspection:
     recording_bytes: int
     recording_note: str | None
     """Why there is no recording any more, or what it lacks."""
+    disposition: Json | None = None
+    """What a person said of it last: `decision`, `verdict`, `comment`, `actor`, `t_ns`."""
+
+
+@dataclass(frozen=True)
+class Disposition:
+    """What a person said of an inspection that has ended. The verdict stays as it was given."""
+
+    number: int
+    """Increases; the cursor of lists."""
+    inspection_id: str
+    decision: Decision
+    verdict: str
+    """What holds for that person: the verdict that was given, or the other one."""
+    comment: str
+    actor: str
+    t_ns: int
 
 
 @dataclass(frozen=True)
@@ -158,7 +176,7 @@ class AuditEntry:
     t_ns: int
     actor: str
     action: str
-    """`recipe.add`, `recipe.activate`, `token.add`, `token.revoke`, and what the service adds."""
+    """`recipe.add`, `recipe.activate`, `inspection.dispose`, `token.add`, `token.revoke`."""
     thing: str
     """The id of what was changed."""
     before: Json | None

@@ -186,10 +186,11 @@ def test_a_body_of_four_gigabytes_is_refused_by_what_it_announces(client: TestCl
     wrong(client.post(f"/v1/inspections/{begin(client)}/frames", content=b"", headers=headers), 413, "200000")
 
 
-@pytest.mark.parametrize("path", ["frames", "conclude", "abort", "acknowledge"])
+@pytest.mark.parametrize("path", ["frames", "conclude", "abort", "acknowledge", "disposition"])
 def test_what_is_not_there_is_told(client: TestClient, path: str):
-    jpeg = {"content-type": "image/jpeg"} if path == "frames" else {}
-    wrong(client.post(f"/v1/inspections/{'0' * 32}/{path}", content=b"", headers=jpeg), 404, "no inspection")
+    headers = {"content-type": "image/jpeg" if path == "frames" else "application/json"}
+    body = b'{"decision": "confirm"}' if path == "disposition" else b""
+    wrong(client.post(f"/v1/inspections/{'0' * 32}/{path}", content=body, headers=headers), 404, "no inspection")
 
 
 @pytest.mark.parametrize("path", ["", "/result", "/scores", "/recording", "/picture"])
@@ -284,6 +285,33 @@ def test_lists_are_newest_first_and_cheap_to_poll(client: TestClient):
     invalid = client.get("/v1/inspections?verdict=INVALID&limit=200").json()["items"]
     assert {each["verdict"] for each in invalid} == {"INVALID"}
     assert set(made) <= {each["inspection_id"] for each in invalid}
+
+
+def test_a_person_may_confirm_or_overrule_and_the_verdict_stays(client: TestClient, service: Service):
+    inspection = begin(client)
+    path = f"/v1/inspections/{inspection}/disposition"
+    wrong(client.post(path, json={"decision": "confirm"}), 409, "is processing")
+    feed(client, inspection)
+    result = client.post(f"/v1/inspections/{inspection}/conclude").json()
+    assert client.get(f"/v1/inspections/{inspection}").json()["disposition"] is None
+    wrong(client.post(path, json={"decision": "overrule", "verdict": "NG"}), 409, "is NG already; confirm it")
+    wrong(client.post(path, json={"decision": "overrule"}), 422, "`verdict` is needed to overrule")
+    wrong(client.post(path, json={"decision": "confirm", "verdict": "OK"}), 422, "not allowed to confirm")
+    wrong(client.post(path, json={"decision": "overrule", "verdict": "REVIEW"}), 422, "verdict")
+    asked = {"decision": "overrule", "verdict": "OK", "comment": "a fibre, wiped off"}
+    key = {"idempotency-key": "wiped"}
+    told = client.post(path, json=asked, headers=key).json()
+    assert client.post(path, json=asked, headers=key).json() == told
+    assert (told["verdict"], told["disposition"] | {"t_ns": 0}) == ("NG", {**asked, "actor": "local", "t_ns": 0})
+    assert client.get("/v1/inspections?limit=1").json()["items"][0]["disposition"] == told["disposition"]
+    assert client.get(f"/v1/inspections/{inspection}/result").json() == result
+    assert client.post(path, json={"decision": "confirm"}).json()["disposition"]["verdict"] == "NG"
+    said = client.get(f"/v1/inspections/{inspection}/dispositions").json()["items"]
+    assert [each["decision"] for each in said] == ["confirm", "overrule"]
+    trail = client.get("/v1/audit?limit=2").json()["items"]
+    assert [(each["action"], each["thing"]) for each in trail] == [("inspection.dispose", inspection)] * 2
+    assert trail[0]["before"] == told["disposition"]
+    assert [each.kind for each in service.events._events][-1] == "disposition"
 
 
 def test_the_policy_is_the_recipes(client: TestClient, service: Service):

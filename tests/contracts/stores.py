@@ -35,6 +35,7 @@ from inspector.stores.base import (
     NoSuchSweep,
     NoSuchToken,
     NotEnded,
+    NothingToDecide,
     StoreFailed,
     StoreNotOpened,
 )
@@ -356,6 +357,49 @@ class StoreContract(ABC):
         assert third.next is None
         assert store.sweeps("plate", after=-(10**30)).items == ()
 
+    def test_what_people_say_is_kept_beside_the_verdict_and_the_last_word_counts(self, store: AbstractStore) -> None:
+        learnt(store)
+        begin(store, "i1")
+        with pytest.raises(NotEnded):
+            store.dispose("i1", "confirm", None, actor="ann", t_ns=NOW)
+        assert conclude(store, "i1", "NG").disposition is None
+        with pytest.raises(NothingToDecide, match="inspection 'i1' is NG already; confirm it"):
+            store.dispose("i1", "overrule", "NG", actor="ann", t_ns=NOW)
+        first = store.dispose("i1", "confirm", None, comment="a notch", actor="ann", t_ns=NOW + 5)
+        told = {"decision": "confirm", "verdict": "NG", "comment": "a notch", "actor": "ann", "t_ns": NOW + 5}
+        assert (first.verdict, first.disposition) == ("NG", told)
+        second = store.dispose("i1", "overrule", "OK", comment="dust\0", actor="bob", t_ns=NOW + 6)
+        assert (second.verdict, second.disposition) == ("NG", store.inspections().items[0].disposition)
+        assert second.disposition == told | {
+            "decision": "overrule", "verdict": "OK", "comment": "dust?", "actor": "bob", "t_ns": NOW + 6
+        }  # fmt: skip
+        said = store.dispositions("i1").items
+        assert [(each.decision, each.verdict, each.actor) for each in said] == [
+            ("overrule", "OK", "bob"),
+            ("confirm", "NG", "ann"),
+        ]
+        assert store.dispositions("i1", after=said[0].number).items == said[1:]
+        trail = store.audit().items
+        assert [(each.action, each.thing, each.before) for each in trail] == [
+            ("inspection.dispose", "i1", told),
+            ("inspection.dispose", "i1", None),
+        ]
+        assert trail[0].after == {"given": "NG", **(second.disposition or {})}
+        with pytest.raises(NoSuchInspection):
+            store.dispose("i2", "confirm", None, actor="ann", t_ns=NOW)
+        with pytest.raises(NoSuchInspection):
+            store.dispositions("i2")
+
+    def test_what_has_no_verdict_cannot_be_confirmed_but_a_person_may_say_what_it_is(
+        self, store: AbstractStore
+    ) -> None:
+        learnt(store)
+        begin(store, "i1")
+        store.abort_processing(NOW, "killed")
+        with pytest.raises(NothingToDecide, match="has no verdict to confirm; say what it is"):
+            store.dispose("i1", "confirm", None, actor="ann", t_ns=NOW)
+        assert (store.dispose("i1", "overrule", "OK", actor="ann", t_ns=NOW).disposition or {})["verdict"] == "OK"
+
     # Recordings.
 
     def test_recordings_are_listed_oldest_first_and_ok_ones_are_counted(self, store: AbstractStore) -> None:
@@ -515,6 +559,24 @@ class DurableStoreContract(StoreContract):
             assert store.sweep("s1") == another.sweep("s1") == SWEEP
             another.ensure_product("cap", NOW)
             assert store.product("cap").created_ns == NOW
+
+    def test_a_database_of_before_dispositions_keeps_what_it_has(self, url: str) -> None:
+        with open_store(url) as store:
+            learnt(store)
+            begin(store, "i1")
+            was = conclude(store, "i1", "NG")
+            store.add_token("t1", "line 3", "operator", "cd" * 32, actor="ann", t_ns=NOW)
+            behind(
+                store,
+                "DROP TABLE dispositions",
+                "ALTER TABLE inspections DROP COLUMN disposition",
+                "UPDATE alembic_version SET version_num = '0001'",
+            )
+        with open_store(url) as store:
+            assert (store.inspection("i1"), store.scores("i1"), len(store.audit().items)) == (was, b"scores", 1)
+            assert store.dispose("i1", "confirm", None, actor="ann", t_ns=NOW).disposition is not None
+            with pytest.raises(DBAPIError, match="the audit trail is append-only"):
+                behind(store, "DELETE FROM audit")
 
     def test_processes_that_open_a_new_store_at_once_all_get_it(self, url: str) -> None:
         processes = [process(OPENS, url, f"p{k}") for k in range(3)]

@@ -6,8 +6,10 @@ from typing import Any
 
 from sqlalchemy import Connection, Row, insert, select, update
 
-from inspector.stores.base import AlreadyConcluded, NoSuchInspection, NoSuchRecipe, NotEnded
+from inspector.stores.base import AlreadyConcluded, NoSuchInspection, NoSuchRecipe, NotEnded, NothingToDecide
 from inspector.stores.records import (
+    Decision,
+    Disposition,
     Ended,
     InspectionSource,
     InspectionState,
@@ -19,10 +21,11 @@ from inspector.stores.records import (
 )
 from inspector.stores.sql.database import found, insert_new, made, names, page
 from inspector.stores.sql.products import appearance_of
-from inspector.stores.sql.room import Room, product_row, row_by
-from inspector.stores.sql.tables import INSPECTIONS, PRODUCTS, RECIPES, SCORES
+from inspector.stores.sql.room import Room, product_row, row_by, write_down
+from inspector.stores.sql.tables import DISPOSITIONS, INSPECTIONS, PRODUCTS, RECIPES, SCORES
 
 _COLUMN = INSPECTIONS.c
+_LAST_WORD = "decision", "verdict", "comment", "actor", "t_ns"
 
 
 class Inspections(Room):
@@ -109,6 +112,44 @@ class Inspections(Room):
             if row.state == "processing":
                 raise NotEnded(inspection_id)
             return made(StoredInspection, row)
+
+    def dispose(
+        self, inspection_id: str, decision: Decision, verdict: str | None, *, comment: str = "", actor: str, t_ns: int
+    ) -> StoredInspection:
+        mine = _COLUMN.inspection_id == inspection_id
+        with self._database.writing() as connection:
+            # Locked, so that who comes at the same time sees this as what was said before.
+            row = connection.execute(select(INSPECTIONS).where(mine).with_for_update()).one_or_none()
+            row = found(row, NoSuchInspection, inspection_id)
+            if row.state == "processing":
+                raise NotEnded(inspection_id)
+            holds = row.verdict if decision == "confirm" else verdict
+            if holds is None or (decision == "overrule" and holds == row.verdict):
+                raise NothingToDecide(inspection_id, holds)
+            said = {"decision": decision, "verdict": holds, "comment": comment, "actor": actor, "t_ns": t_ns}
+            kept = insert(DISPOSITIONS).values(inspection_id=inspection_id, **said).returning(DISPOSITIONS)
+            # As the database has it: there are texts that it does not take as they are.
+            last = connection.execute(kept).one()._mapping  # pyright: ignore[reportPrivateUsage]
+            after = {name: last[name] for name in _LAST_WORD}
+            changed = update(INSPECTIONS).where(mine).values(disposition=after).returning(INSPECTIONS)
+            before = row.disposition
+            row = connection.execute(changed).one()
+            write_down(
+                connection,
+                t_ns=t_ns,
+                actor=actor,
+                action="inspection.dispose",
+                thing=inspection_id,
+                before=before,
+                after={"given": row.verdict, **after},
+            )
+            return made(StoredInspection, row)
+
+    def dispositions(self, inspection_id: str, after: int | None = None, limit: int = 50) -> Page[Disposition]:
+        query = select(DISPOSITIONS).where(DISPOSITIONS.c.inspection_id == inspection_id)
+        with self._database.reading() as connection:
+            _inspection(connection, inspection_id)
+            return page(connection, query, Disposition, after, limit)
 
     def inspection(self, inspection_id: str) -> StoredInspection:
         with self._database.reading() as connection:

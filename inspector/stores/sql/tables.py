@@ -160,6 +160,7 @@ INSPECTIONS = Table(
     Column("recording_note", Words),
     _json("policy"),
     _json("result", nullable=True),
+    _json("disposition", nullable=True),
     ForeignKeyConstraint(["product_id", "appearance_id"], ["appearances.product_id", "appearances.appearance_id"]),
     Index(None, "product_id", "number"),
     Index(None, "verdict", "number"),
@@ -167,6 +168,20 @@ INSPECTIONS = Table(
     Index(None, "state", "number"),
     Index(None, "source", "number"),
     Index(None, "recording", "number"),
+    sqlite_autoincrement=True,
+)
+
+DISPOSITIONS = Table(
+    "dispositions",
+    METADATA,
+    _number(),
+    Column("inspection_id", Words, ForeignKey("inspections.inspection_id"), nullable=False),
+    Column("decision", Words, nullable=False),
+    Column("verdict", Words, nullable=False),
+    Column("comment", Words, nullable=False),
+    Column("actor", Words, nullable=False),
+    Column("t_ns", BigInteger, nullable=False),
+    Index(None, "inspection_id", "number"),
     sqlite_autoincrement=True,
 )
 
