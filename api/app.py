@@ -18,6 +18,7 @@ from api import (
     inspections,
     jobs,
     learning,
+    me,
     page,
     pictures,
     products,
@@ -49,6 +50,7 @@ ROUTERS = (
     events.router,
     audit.router,
     tokens.router,
+    me.router,
     page.router,
 )
 ALWAYS: dict[int | str, dict[str, Any]] = {

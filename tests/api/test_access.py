@@ -84,6 +84,12 @@ def test_a_role_may_do_what_is_its_own_and_below(client: TestClient, tokens: dic
     assert viewer.json()["detail"] == "this token has the role viewer; needed is operator"
 
 
+def test_a_token_tells_whose_it_is(client: TestClient, tokens: dict[str, dict[str, str]]) -> None:
+    for role in ROLES[:3]:
+        told = ask(client, "get", "/v1/me", tokens[role]).json()
+        assert (told["role"], told["actor"].startswith(f"a {role} (")) == (role, True)
+
+
 def test_probes_need_none(client: TestClient) -> None:
     assert [client.get(path).status_code for path in sorted(OPEN)] == [200, 200, 200]
 

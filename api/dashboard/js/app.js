@@ -127,7 +127,8 @@ function askToken(problem) {
       dialog.remove();
       dialog = null;
       done(given);
-      askRole(given);
+      // Not before the token is there.
+      setTimeout(askRole);
     });
     dialog.addEventListener("cancel", (event) => event.preventDefault());
     document.body.append(dialog);
@@ -137,7 +138,12 @@ function askToken(problem) {
 }
 
 async function askRole() {
-  app.role = null;
+  try {
+    app.role = (await api.get("/v1/me")).role;
+  } catch {
+    // What is not allowed is refused by the service in any case.
+    app.role = null;
+  }
 }
 
 function theme() {
@@ -197,4 +203,4 @@ theme();
 sound();
 tellState();
 events.start();
-show();
+askRole().then(show);

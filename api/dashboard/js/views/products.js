@@ -10,9 +10,9 @@ export async function show(root, params, app) {
   return app.events.on("reload", () => draw(root, params, app).catch(() => {}));
 }
 
-async function draw(root, { of }, app) {
+async function draw(root, { of, new: another }, app) {
   const products = await app.api.list("/v1/products");
-  if (products.length === 1) {
+  if (products.length === 1 && !another) {
     location.replace(`#/${of}/${encodeURIComponent(products[0].product_id)}`);
     return;
   }
@@ -36,5 +36,29 @@ async function draw(root, { of }, app) {
           `curl --data-binary @golden-1.mcap -H 'Content-Type: application/octet-stream' \\\n  ${location.origin}/v1/products/plate/sweeps`,
         )
       : h("table", { class: "list" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows)),
+    of === "recipe" ? newProduct(app) : null,
+  );
+}
+
+/** A name, and on to the page where its first sweep is uploaded. */
+function newProduct(app) {
+  const name = h("input", {
+    id: "new-product",
+    required: true,
+    maxlength: "64",
+    pattern: "[A-Za-z0-9][A-Za-z0-9._\\-]*",
+    title: "Letters, digits, '.', '_', '-'",
+    autocomplete: "off",
+  });
+  const go = (event) => {
+    event.preventDefault();
+    app.go(`#/recipe/${encodeURIComponent(name.value)}?tab=learning`);
+  };
+  return h(
+    "form",
+    { class: "row", onsubmit: go },
+    h("label", { for: "new-product" }, "Another product"),
+    name,
+    h("button", {}, "Upload its first golden sweep"),
   );
 }

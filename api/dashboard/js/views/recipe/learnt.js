@@ -1,0 +1,141 @@
+// What was learnt: what it rests on, what it promises, what was left out, and where the sweep was too fast.
+
+import { get } from "../../api.js";
+import { chart, legend } from "../../chart.js";
+import { empty, failed, fixed, h, moment, replace, waiting } from "../../dom.js";
+
+const SPEED = [
+  { label: "picture", colour: "--score", digits: 2 },
+  { label: "curve", colour: "--other", dash: [5, 3], digits: 2 },
+];
+
+export function learntPanel(recipe, app) {
+  if (!recipe.appearances.length) {
+    const node = h("section", { class: "panel" }, empty("Nothing is learnt yet", "Tick the sweeps of good parts and learn from them. One is enough to begin; three or more tell which of them is unlike the others."));
+    return { node, close: () => {} };
+  }
+  const choose = h(
+    "select",
+    { id: "learnt-which", "aria-label": "Appearance" },
+    recipe.appearances.map((each) => {
+      const active = each.appearance_id === recipe.active?.appearance_id ? " (active)" : "";
+      return h("option", { value: each.appearance_id }, recipe.named(each.appearance_id) + active);
+    }),
+  );
+  choose.value = recipe.chosen ?? recipe.active?.appearance_id ?? recipe.appearances[0].appearance_id;
+  const facts = h("div", {});
+  const speed = h("div", { class: "speed" });
+  let drawn = null;
+  let turn = 0;
+
+  async function show() {
+    const mine = ++turn;
+    const appearance = recipe.appearances.find((each) => each.appearance_id === choose.value);
+    replace(facts, learntFacts(appearance, recipe));
+    drawn?.close();
+    drawn = null;
+    replace(speed, waiting("Looking how fast the sweep was"));
+    try {
+      const sampling = await get(`${recipe.path}/appearances/${appearance.appearance_id}/sampling`);
+      if (mine === turn) drawn = samplingPart(speed, sampling);
+    } catch (problem) {
+      if (mine === turn) replace(speed, failed(problem, show));
+    }
+  }
+
+  choose.addEventListener("change", show);
+  show();
+  const use = h(
+    "button",
+    {
+      type: "button",
+      onclick: () => {
+        recipe.chosen = choose.value;
+        recipe.go("policy");
+      },
+    },
+    "Judge by it …",
+  );
+  const mask = h(
+    "button",
+    {
+      type: "button",
+      onclick: () => {
+        recipe.chosen = choose.value;
+        recipe.go("masks");
+      },
+    },
+    "Draw masks …",
+  );
+  const node = h(
+    "section",
+    { class: "panel", "aria-labelledby": "learnt-title" },
+    h("div", { class: "panelhead" }, h("h2", { id: "learnt-title" }, "What was learnt"), choose),
+    facts,
+    h("div", { class: "buttons" }, use, mask),
+    speed,
+  );
+  return {
+    node,
+    close() {
+      turn++;
+      drawn?.close();
+    },
+  };
+}
+
+function learntFacts(appearance, recipe) {
+  const { facts } = appearance;
+  const rows = [
+    ["Learnt", moment(appearance.created_ns)],
+    facts.places && ["From", `${facts.sweeps} sweep${Number(facts.sweeps) === 1 ? "" : "s"}, ${facts.places} places, ${facts.width}×${facts.height} px`],
+    facts.promised && ["Promise", facts.promised],
+    facts.added_to ? ["Added to", recipe.named(facts.added_to)] : null,
+  ].filter(Boolean);
+  const cautions = [...leftOut(facts), ...appearance.said];
+  return [
+    h("dl", { class: "facts" }, rows.map(([name, said]) => [h("dt", {}, name), h("dd", {}, said)])),
+    [...new Set(cautions)].map((each) => h("p", { class: "caution" }, each)),
+  ];
+}
+
+/** A sentence for each golden sweep that was left out; the service says it in `said`, older ones only in facts. */
+function leftOut(facts) {
+  if (!facts.left_out) return [];
+  const [which, reached, common] = ["left_out", "left_out_reached", "left_out_usual"].map((name) => String(facts[name] ?? "").split(", "));
+  return which.map(
+    (sweep, i) =>
+      `Sweep ${Number(sweep) + 1} was left out: it reaches ${fixed(Number(reached[i]), 1)} times the assumed tolerance, where the others usually reach ${fixed(Number(common[i]), 1)}. Is that part defective?`,
+  );
+}
+
+/** How fast picture and curve go along s, as times what is usual on this sweep, and where to slow down. */
+function samplingPart(root, { s, pixels_per_frame: pixels, curve_per_frame: curve, advice }) {
+  const usual = [middle(pixels), middle(curve)];
+  const place = h("div", { class: "chart" });
+  const cursor = h("p", { class: "note", role: "status" }, `Usual is ${fixed(usual[0], 1)} px from frame to frame.`);
+  const list = advice.length
+    ? h("ul", { class: "advice" }, advice.map((each) => h("li", { class: "caution" }, h("strong", {}, span(each)), " ", each.said)))
+    : h("p", { class: "note" }, "The sweep is even enough: nowhere does the picture move too far from one frame to the next.");
+  replace(root, h("h3", {}, "How fast the sweep was"), legend(SPEED), place, cursor, list);
+  const told = (i) => `s ${fixed(s[i], 3)}: ${fixed(pixels[i], 1)} px per frame, ${fixed(pixels[i] / usual[0], 1)} times usual`;
+  const drawn = chart(place, {
+    series: SPEED,
+    y: { label: "times usual" },
+    limit: null,
+    height: 170,
+    label: "How fast picture and curve move from frame to frame, along the sweep",
+    onCursor: (i) => (cursor.textContent = i === null ? `Usual is ${fixed(usual[0], 1)} px from frame to frame.` : told(i)),
+  });
+  drawn.set(s, ratio(pixels, usual[0]), ratio(curve, usual[1]));
+  drawn.bands(advice.map((each) => ({ from: each.s_start, to: each.s_end, colour: "--band-select" })));
+  return drawn;
+}
+
+const span = (each) => `s ${fixed(each.s_start)} to ${fixed(each.s_end)}:`;
+const ratio = (values, by) => values.map((each) => (each === null || !by ? null : each / by));
+
+function middle(values) {
+  const known = values.filter((each) => each !== null).sort((a, b) => a - b);
+  return known.length ? known[known.length >> 1] : NaN;
+}

@@ -1,0 +1,132 @@
+"""The recipe view: sliders that judge the last parts again, versions with their trail, golden sweeps, masks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import httpx2
+import pytest
+
+from models.verdict import ALLOWED, Policy
+from tests.api.stations import BAD, GOOD, PRODUCT, material
+from tests.browser.conftest import Seen, Station
+
+RECIPE = f"#/recipe/{PRODUCT}"
+FAINT = "unit=7&seed=7&defect=spot&at=0.5&strength=0.5"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def inspected(station: Station) -> list[dict[str, Any]]:
+    """Parts whose verdicts the sliders move."""
+    return [station.inspect(options, f"{i:04}") for i, options in enumerate((GOOD, BAD, FAINT, "unit=5&seed=5"), 1)]
+
+
+def ask(station: Station, path: str, **body: Any) -> Any:
+    path = f"{station.url}/v1/products/{PRODUCT}{path}"
+    return (httpx2.post(path, json=body) if body else httpx2.get(path)).json()
+
+
+def rejudged(seen: Seen, changed: int) -> None:
+    seen.page.wait_for_selector(f".rejudged[aria-busy=false] .headline[data-changed='{changed}']")
+
+
+def test_the_fields_are_those_of_a_policy(seen: Seen) -> None:
+    page = seen.open(RECIPE)
+    fields = page.evaluate("async () => (await import('/dashboard/js/views/recipe/fields.js')).FIELDS")
+    assert {each["name"]: (each["low"], each["high"]) for each in fields} == ALLOWED
+    assert {each["name"]: each["usual"] for each in fields} == asdict(Policy())
+
+
+def test_a_moved_threshold_changes_verdicts_as_predicted_and_is_saved_with_a_note(
+    seen: Seen, station: Station, inspected: list[dict[str, Any]]
+) -> None:
+    page = seen.open(RECIPE, wait=".rejudged .headline")
+    rejudged(seen, 0)
+    assert page.locator("text=Save version 2 and inspect by it").is_disabled()
+    predicted = ask(station, "/rejudge", policy={"sensitivity": 0.1})
+    assert [each["verdict"] for each in inspected].count("NG") >= 1
+    assert predicted["counts"]["now"].keys() == {"OK"}
+    page.locator("#policy-sensitivity").focus()
+    page.keyboard.press("Home")
+    rejudged(seen, predicted["changed"])
+    row = page.locator(".changes tbody tr").first
+    assert "NG" in row.inner_text()
+    assert "OK" in row.inner_text()
+    seen.both("recipe-policy")
+    page.fill("#recipe-note", "spots are allowed")
+    page.click("text=Save version 2 and inspect by it")
+    page.wait_for_selector(".news >> text=Version 2 is saved")
+    active = ask(station, "")["active_recipe"]
+    assert (active["version"], active["note"], active["policy"]["sensitivity"]) == (2, "spots are allowed", 0.1)
+    assert station.inspect(BAD, "0009")["verdict"] == "OK"
+
+
+def test_a_number_that_is_not_allowed_is_said_and_not_saved(seen: Seen) -> None:
+    page = seen.open(RECIPE, wait=".rejudged .headline")
+    number = page.get_by_label("False-reject target in percent")
+    number.fill("60")
+    page.wait_for_selector("text=allowed are 0.01 % to 50 %")
+    assert page.locator(".save button.main").is_disabled()
+    number.fill("5")
+    page.wait_for_selector(".save button.main:not([disabled])")
+
+
+def test_an_older_version_is_made_active_and_the_trail_tells_before_and_after(seen: Seen, station: Station) -> None:
+    page = seen.open(f"{RECIPE}?tab=versions", wait=".trail tbody tr")
+    page.get_by_label("Activate version 1").click()
+    page.wait_for_selector(".news >> text=Version 1 is active")
+    page.wait_for_selector(".trail >> text=activated version 1 in place of 2")
+    assert "Sensitivity 0.1 × → 1 ×" in page.locator(".trail tbody tr").first.inner_text()
+    assert ask(station, "")["active_recipe"]["version"] == 1
+    seen.both("recipe-versions")
+
+
+def test_tabs_are_walked_through_by_keyboard(seen: Seen) -> None:
+    page = seen.open(RECIPE, wait="[role=tab]")
+    page.locator("#tab-policy").focus()
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_selector("#tab-versions[aria-selected=true]:focus")
+    page.keyboard.press("ArrowRight")
+    page.wait_for_selector("#tab-policy[aria-selected=true]:focus")
+
+
+def test_a_golden_sweep_is_uploaded_and_learnt_from(seen: Seen, station: Station) -> None:
+    seen.excused.append("404")
+    page = seen.open("#/recipe?new=1", wait="#new-product")
+    page.fill("#new-product", "fresh")
+    page.click("text=Upload its first golden sweep")
+    page.wait_for_selector("text=No sweep yet")
+    seen.shot("recipe-new-product")
+    page.click("#tab-policy")
+    page.click("text=To the golden sweeps")
+    page.set_input_files("#sweep-file", material() / "golden.mcap")
+    page.fill("#sweep-part", "G2")
+    page.click("text=Upload")
+    page.wait_for_selector("text=golden.mcap is here")
+    page.get_by_label("Learn from sweep of G2").check()
+    page.click("text=Learn from 1 sweep")
+    page.wait_for_selector(".news >> text=is learnt")
+    page.wait_for_selector("text=one golden sweep: limit at 1.00")
+    page.click("text=Judge by it")
+    page.click("text=Save version 1 and inspect by it")
+    page.wait_for_selector(".news >> text=Version 1 is saved")
+
+
+def test_what_is_no_recording_is_refused_in_words(seen: Seen) -> None:
+    page = seen.open(f"{RECIPE}?tab=learning", wait="#sweep-file")
+    wrong = {"name": "x.mcap", "mimeType": "application/mcap", "buffer": b"PNG" * 99}
+    page.set_input_files("#sweep-file", files=[wrong])
+    page.click("text=Upload")
+    page.wait_for_selector(".upload .wrong >> text=no MCAP")
+    seen.excused += ["422", "404"]
+
+
+def test_who_may_only_look_is_told_why(station: Station, look: Callable[..., Seen]) -> None:
+    seen = look(station.url)
+    seen.page.route("**/v1/me", lambda route: route.fulfill(json={"actor": "a viewer (1)", "role": "viewer"}))
+    page = seen.open(RECIPE, wait="text=Only an engineer may do this; this token has the role viewer.")
+    assert page.locator("#policy-sensitivity").is_disabled()
+    assert page.locator(".save button.main").is_disabled()
+    seen.shot("recipe-viewer")
