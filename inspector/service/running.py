@@ -112,8 +112,8 @@ class Running:
 
     @property
     def lost(self) -> int:
-        """Frames that came or were announced, and were not scored."""
-        return 0 if self._first is None else self.next_sequence - self._first - self.scored
+        """Frames that came or were announced, were not scored, and do not wait for it."""
+        return 0 if self._first is None else self.next_sequence - self._first - self.scored - self.waiting
 
     def begin(self, head: Head) -> None:
         """Ask the scorer to make it ready; `begun` says when it is."""
