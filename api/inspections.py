@@ -142,6 +142,8 @@ class Inspection(BaseModel):
     recording_note: str | None
     next_sequence: int | None
     """The number that the next frame may have, where it is processing here."""
+    profile: list[float | None] | None
+    """The highest score in each fiftieth of the sweep; in lists only where it is asked for."""
 
 
 class InspectionPage(BaseModel):
@@ -293,6 +295,7 @@ async def inspections(
     verdict: Annotated[str | None, Query(pattern="^[A-Z]{1,16}$")] = None,
     state: InspectionState | None = None,
     source: InspectionSource | None = None,
+    profile: Annotated[bool, Query(description="With the profile of each.")] = False,
     after: After = None,
     limit: Limit = 50,
 ) -> Response:
@@ -306,7 +309,8 @@ async def inspections(
         after=after,
         limit=limit,
     )
-    return tagged(request, InspectionPage(items=[told(each, service) for each in page.items], next=page.next))
+    items = [told(each, service, profile) for each in page.items]
+    return tagged(request, InspectionPage(items=items, next=page.next))
 
 
 @router.get("/{inspection_id}", response_model=Inspection, responses=problems(404))
@@ -358,7 +362,7 @@ async def recording(inspection_id: Id, service: ServiceDep, who: Viewer) -> File
     return FileResponse(path, media_type="application/octet-stream", filename=f"{inspection_id}.mcap")
 
 
-def told(stored: StoredInspection, service: Service) -> Inspection:
+def told(stored: StoredInspection, service: Service, profile: bool = True) -> Inspection:
     """What is known of it, with how far it is where it runs here."""
     running = service.inspections.find(stored.inspection_id) if stored.state == "processing" else None
     result = stored.result or {}
@@ -371,6 +375,7 @@ def told(stored: StoredInspection, service: Service) -> Inspection:
         frames_dropped=live.get("frames_dropped"),
         digest=result.get("digest"),
         next_sequence=running.next_sequence if running is not None and running.phase == "open" else None,
+        profile=result.get("profile") if profile else None,
     )
 
 

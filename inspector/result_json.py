@@ -16,6 +16,7 @@ from uuid import uuid4
 from inspector.errors import WorldError
 from inspector.files import write_new
 from models.limits import Promise
+from models.profile import profile
 from models.verdict import Deviation, Judgement, Region, Result, ScoredFrame
 
 
@@ -58,6 +59,7 @@ def result_record(
         "digest": result.digest,
         "promise": None if promise is None else {k: round(v, 6) for k, v in asdict(promise).items()},
         "deviations": [deviation_record(deviation) for deviation in result.deviations],
+        "profile": [None if score is None else number(score) for score in profile(result.frames)],
     }
     return record | {"frames": frame_records(result.frames)} if with_frames else record
 

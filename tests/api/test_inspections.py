@@ -314,6 +314,21 @@ def test_a_person_may_confirm_or_overrule_and_the_verdict_stays(client: TestClie
     assert [each.kind for each in service.events._events][-1] == "disposition"
 
 
+def test_a_part_has_a_profile_that_lists_show_where_it_is_asked_for(client: TestClient):
+    inspection = begin(client)
+    feed(client, inspection)
+    result = client.post(f"/v1/inspections/{inspection}/conclude").json()
+    highest = [None] * 50
+    for frame in result["frames"]:
+        if frame["state"] == "scored":
+            at = min(int(frame["s"] * 50), 49)
+            highest[at] = max(highest[at] or 0.0, frame["score"])
+    assert result["profile"] == highest
+    assert client.get(f"/v1/inspections/{inspection}").json()["profile"] == highest
+    asked = [client.get(f"/v1/inspections?limit=1{more}").json()["items"][0] for more in ("", "&profile=true")]
+    assert [each["profile"] for each in asked] == [None, highest]
+
+
 def test_the_policy_is_the_recipes(client: TestClient, service: Service):
     teach(service, Policy(sensitivity=0.01))
     try:

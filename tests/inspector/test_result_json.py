@@ -54,7 +54,7 @@ def test_every_name_and_value_is_there(tmp_path: Path) -> None:
         "product_id": "valve", "part_id": "7", "recipe_id": None, "appearance_id": "sha256:a", "verdict": "NG",
         "result_state": "completed", "is_partial": False, "is_simulated": True, "reasons": ["why"],
         "coverage": 0.998, "frames_scored": 398, "frames_dropped": 2, "digest": "sha256:d",
-        "promise": None,
+        "promise": None, "profile": [None] * 16 + [3.2] + [None] * 33,
     }  # fmt: skip
 
 
