@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import AfterValidator, BaseModel, Field
@@ -25,6 +25,7 @@ from api.deps import (
     tagged,
 )
 from api.jobs import Accepted
+from api.pictures import picture_of, shown
 from api.schemas import Asked
 from inspector.stores.records import StoredAppearance
 
@@ -60,6 +61,36 @@ class AppearanceOut(BaseModel):
     said: list[str]
     """What should be looked at before it is trusted, a sentence each."""
     bytes: int
+
+
+class AdviceOut(BaseModel):
+    """Where to go slower."""
+
+    s_start: float
+    s_end: float
+    said: str
+
+
+class SamplingOut(BaseModel):
+    """How densely a reference sweep shows its part; lists have one number per place."""
+
+    s: list[float]
+    pixels_per_frame: list[float]
+    """How far the picture moves from this place to the next, in pixels of the frames."""
+    frames_per_spot: list[float | None]
+    """Frames in which a spot is seen at that pace; null where the picture does not move."""
+    curve_per_frame: list[float]
+    """How far the projected frame moves, in medians of that: 1 is as usual for this sweep."""
+    reference_s: list[float]
+    """Where there are reference pictures."""
+    moves: bool
+    """Whether the picture moves along the sweep; turntables and corridors change otherwise."""
+    width: int
+    height: int
+    """Of the pictures."""
+    interval_ns: int
+    """From frame to frame."""
+    advice: list[AdviceOut]
 
 
 class AppearancePage(BaseModel):
@@ -100,6 +131,35 @@ async def appearances(
     """Everything that was learnt of a product."""
     page = await in_thread(service.store.appearances, product_id, after, limit)
     return tagged(request, AppearancePage(items=[_told(each) for each in page.items], next=page.next))
+
+
+@router.get("/{appearance_id}/sampling", response_model=SamplingOut, responses=problems(404, 500, 503))
+async def sampling(
+    request: Request, product_id: ProductId, appearance_id: Id, service: ServiceDep, who: Viewer
+) -> Response:
+    """How densely the reference sweep shows the part, place by place, and where the camera should go slower."""
+    made = await service.jobs.shown(lambda: service.pictures.sampling(product_id, appearance_id))
+    return tagged(request, SamplingOut(**made))
+
+
+@router.get(
+    "/{appearance_id}/reference",
+    response_class=Response,
+    responses=problems(404, 500, 503) | picture_of("jpeg", "png"),
+)
+async def reference(
+    *,
+    request: Request,
+    product_id: ProductId,
+    appearance_id: Id,
+    service: ServiceDep,
+    who: Viewer,
+    s: Annotated[float, Query(ge=0, le=1, description="Sweep coordinate.")] = 0.0,
+) -> Response:
+    """The reference picture that is nearest to `s`: `Reference-S` tells its own, `Reference-Place` counts from 0."""
+    made = await service.jobs.shown(lambda: service.pictures.reference(product_id, appearance_id, s))
+    told = {"Reference-S": str(made.s), "Reference-Place": str(made.place)}
+    return shown(request, made.picture, str(made.place), told)
 
 
 @router.get("/{appearance_id}", response_model=AppearanceOut, responses=problems(404))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path
@@ -15,6 +16,7 @@ from inspector.picture_headers import kind_of
 from inspector.result_json import frame_record
 from inspector.service.errors import NoPictureYet
 from inspector.service.running import Shown
+from models.frame import EncodedPicture
 
 router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
 Kind = Literal["frame", "expected", "seen", "difference"]
@@ -24,7 +26,7 @@ MOST = 12
 FOREVER = {"Cache-Control": "private, max-age=86400, immutable", "Vary": "Authorization"}
 
 
-def pictures(*kinds: str) -> dict[int | str, dict[str, Any]]:
+def picture_of(*kinds: str) -> dict[int | str, dict[str, Any]]:
     """For the documentation: a picture, of one of these kinds."""
     content = {f"image/{kind}": {"schema": {"type": "string", "format": "binary"}} for kind in kinds}
     return {200: {"content": content, "description": "The picture."}}
@@ -54,7 +56,7 @@ class FrameOut(BaseModel):
 @router.get(
     "/{inspection_id}/picture",
     response_class=Response,
-    responses=problems(404) | pictures("jpeg", "png", "webp", "bmp", "tiff"),
+    responses=problems(404) | picture_of("jpeg", "png", "webp", "bmp", "tiff"),
 )
 async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: Viewer) -> Response:
     """The picture of a running inspection that was scored last; cheap to poll with If-None-Match.
@@ -63,16 +65,16 @@ async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: 
     the highest 12. How often to ask, the event `station` says.
     """
     running = service.inspections.find(inspection_id)
-    shown = running.shown if running is not None else None
-    if shown is None:
+    last = running.shown if running is not None else None
+    if last is None:
         stored = await in_thread(service.store.inspection, inspection_id)
         raise NoPictureYet(inspection_id, stored.state)
-    tag = f'"{shown.sequence}"'
-    headers = {"ETag": tag, "Cache-Control": "private, no-cache", "Frame-Sequence": str(shown.sequence)}
+    tag = f'"{last.sequence}"'
+    headers = {"ETag": tag, "Cache-Control": "private, no-cache", "Frame-Sequence": str(last.sequence)}
     if has_already(request, tag):
         return Response(None, 304, headers)
-    picture = bytes(shown.picture)
-    return Response(picture, 200, headers | _told(shown), f"image/{kind_of(picture)}")
+    received = bytes(last.picture)
+    return Response(received, 200, headers | _told(last), f"image/{kind_of(received)}")
 
 
 @router.get("/{inspection_id}/frames/{index}", response_model=FrameOut, responses=problems(404, 409))
@@ -86,7 +88,7 @@ async def frame(request: Request, inspection_id: Id, index: Index, service: Serv
 @router.get(
     "/{inspection_id}/frames/{index}/pictures/{kind}",
     response_class=Response,
-    responses=problems(404, 409, 410, 500, 503) | pictures("jpeg", "png", "webp", "bmp"),
+    responses=problems(404, 409, 410, 500, 503) | picture_of("jpeg", "png", "webp", "bmp"),
 )
 async def picture(
     *, request: Request, inspection_id: Id, index: Index, kind: Kind, service: ServiceDep, who: Viewer
@@ -97,15 +99,20 @@ async def picture(
     `difference` is to be laid on either: orange where too bright, blue where too dark, clear within tolerance.
     """
     made = await service.jobs.shown(lambda: service.pictures.picture(inspection_id, index, kind))
-    headers = {"ETag": f'"{index}-{kind}"', **FOREVER}
+    return shown(request, made, f"{index}-{kind}")
+
+
+def shown(request: Request, picture: EncodedPicture, name: str, told: Mapping[str, str] | None = None) -> Response:
+    """A picture that never changes; `name` tells it from others at the same address."""
+    headers = {"ETag": f'"{name}"', **FOREVER, **(told or {})}
     if has_already(request, headers["ETag"]):
         return Response(None, 304, headers)
-    return Response(made.data, 200, headers, f"image/{made.format}")
+    return Response(picture.data, 200, headers, f"image/{picture.format}")
 
 
-def _told(shown: Shown) -> dict[str, str]:
+def _told(last: Shown) -> dict[str, str]:
     """Box and picture are of one frame, whatever comes meanwhile."""
-    scored = json.loads(shown.scored)
+    scored = json.loads(last.scored)
     del scored["kind"], scored["sequence"]
     scored["regions"] = sorted(scored["regions"], key=lambda region: -region["score"])[:MOST]
     return {"Frame-Index": str(scored["index"]), "Frame-Scored": json.dumps(scored, separators=(",", ":"))}

@@ -124,6 +124,10 @@ class Appearance:
         """How the picture moves along the sweep."""
         return Path(self.motion.astype(float), self.keys)
 
+    def key_at(self, s: float) -> int:
+        """The place whose reference picture shows most of what is seen at s."""
+        return self.path.key(float(np.interp(s, self.s, np.arange(self.places))))
+
     @cached_property
     def id(self) -> str:
         """Its name: `sha256:` and the hash of its bytes."""

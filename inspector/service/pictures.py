@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from base64 import b64decode, b64encode
 from collections import OrderedDict
+from dataclasses import dataclass
 from pathlib import Path
 
 from inspector.errors import WorldError
@@ -17,7 +18,7 @@ from inspector.service.desk import Desk, naming
 from inspector.service.errors import NotConcluded, RecordingGone
 from inspector.service.folder import DataFolder
 from inspector.stores.base import AbstractStore
-from inspector.stores.records import StoredInspection
+from inspector.stores.records import Json, StoredInspection
 from models.frame import EncodedPicture
 from models.verdict import ScoredFrame
 
@@ -34,6 +35,17 @@ class NoSuchPicture(WorldError):
     def __init__(self, inspection_id: str, index: int, kind: str | None, why: str) -> None:
         what = f"picture {kind!r} of " if kind else ""
         super().__init__(f"there is no {what}frame {index} of inspection {inspection_id!r}: {why}")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What is expected somewhere."""
+
+    picture: EncodedPicture
+    place: int
+    """Of the reference sweep, counted from 0."""
+    s: float
+    """Of that place."""
 
 
 class Pictures:
@@ -80,6 +92,21 @@ class Pictures:
         picture = EncodedPicture(made["format"], b64decode(made["data"]))
         self._keep(key, picture)
         return picture
+
+    def sampling(self, product_id: str, appearance_id: str) -> Json:
+        """How densely the reference sweep of an appearance shows the part. Raises NoSuchAppearance, WorkFailed."""
+        return self._of_appearance("sampling", product_id, appearance_id)
+
+    def reference(self, product_id: str, appearance_id: str, s: float) -> Reference:
+        """The reference picture that is nearest to s. Raises NoSuchAppearance, WorkFailed."""
+        made = self._of_appearance("reference", product_id, appearance_id, s=s)
+        return Reference(EncodedPicture(made["format"], b64decode(made["data"])), made["place"], made["s"])
+
+    def _of_appearance(self, task: str, product_id: str, appearance_id: str, **more: object) -> Json:
+        self._store.appearance(product_id, appearance_id)
+        path = str(self._folder.appearance(appearance_id))
+        with naming({path: f"appearance {appearance_id}"}):
+            return self._desk.do(task, {"appearance": path, **more})
 
     def _ended(self, inspection_id: str) -> StoredInspection:
         stored = self._store.inspection(inspection_id)

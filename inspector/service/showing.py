@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
+from math import isfinite
 from pathlib import Path
+
+import numpy as np
 
 from inspector.drawing import heat
 from inspector.learner import load_appearance
@@ -16,6 +19,7 @@ from inspector.recording import SweepReader
 from models.appearance import Appearance
 from models.frame import EncodedPicture, Frame
 from models.inspection import Explanation, explain, out_of_tolerance
+from models.sampling import sampling
 from models.verdict import Policy, ScoredFrame
 
 _HELD_BYTES = 64 << 20
@@ -97,6 +101,36 @@ def picture(
     if kind == "difference":
         return encode_png(heat(out_of_tolerance(load_cached(appearance), policy, scored, explanation)))
     return encode_jpeg(explanation.expected if kind == "expected" else explanation.seen)
+
+
+def sampling_of(appearance: str) -> dict[str, object]:
+    """How densely the reference sweep shows the part, as JSON; infinite is null."""
+    learnt = load_cached(appearance)
+    found = sampling(learnt)
+    return {
+        "s": _numbers(found.s),
+        "pixels_per_frame": _numbers(found.pixels),
+        "frames_per_spot": _numbers(found.shown),
+        "curve_per_frame": _numbers(found.curve),
+        "reference_s": _numbers(learnt.s[learnt.keys]),
+        "moves": learnt.shifts,
+        "width": learnt.size[0],
+        "height": learnt.size[1],
+        "interval_ns": learnt.interval_ns,
+        "advice": [asdict(each) for each in found.advice],
+    }
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    return [round(value, 6) if isfinite(value) else None for value in values.astype(float).tolist()]
+
+
+def reference(appearance: str, s: float) -> tuple[EncodedPicture, int, float]:
+    """The reference picture that shows most of what is seen at s, with its place and its own s."""
+    learnt = load_cached(appearance)
+    place = learnt.key_at(s)
+    data = learnt.pictures[int(np.searchsorted(learnt.keys, place))]
+    return EncodedPicture(kind_of(data) or "jpeg", data), place, float(learnt.s[place])
 
 
 def _as_recorded(kept: Kept) -> EncodedPicture:

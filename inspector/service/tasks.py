@@ -198,6 +198,17 @@ def picture(
     return {"format": made.format, "data": b64encode(made.data).decode()}
 
 
+def sampling(progress: Progress, *, appearance: str) -> Json:
+    """How densely an appearance's reference sweep shows the part."""
+    return showing.sampling_of(appearance)
+
+
+def reference(progress: Progress, *, appearance: str, s: float) -> Json:
+    """The reference picture there: `format`, `data`, `place` and `s`."""
+    picture, place, at = showing.reference(appearance, s)
+    return {"format": picture.format, "data": b64encode(picture.data).decode(), "place": place, "s": round(at, 6)}
+
+
 TASKS: Mapping[str, Callable[..., Json]] = {
     "survey": survey,
     "record": record,
@@ -205,4 +216,6 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "replay": replay,
     "rejudge": rejudge,
     "picture": picture,
+    "sampling": sampling,
+    "reference": reference,
 }

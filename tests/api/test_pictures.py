@@ -16,7 +16,7 @@ from api.app import create_app
 from inspector.pictures import encode_jpeg
 from inspector.service.showing import Shelf
 from inspector.settings import read_settings
-from tests.api.stations import BAD, begin, feed, frames, picture, post, sweep, teach
+from tests.api.stations import BAD, begin, feed, frames, learnt, picture, post, sweep, teach
 
 KINDS = ("frame", "expected", "seen", "difference")
 
@@ -126,3 +126,24 @@ def test_any_frame_of_many_recordings_is_found_however_little_is_held(room: int)
             assert kept is not None
             assert (kept.t_ns, kept.sequence, kept.picture.data) == (wanted.t_ns, wanted.sequence, picture(wanted))
     assert shelf.frame(paths[0], 40) is None
+
+
+def test_what_is_expected_anywhere_and_how_densely_it_was_shown(client: TestClient) -> None:
+    path = f"/v1/products/plate/appearances/{learnt().id}"
+    told = client.get(f"{path}/sampling")
+    found = told.json()
+    assert {len(found[name]) for name in ("s", "pixels_per_frame", "frames_per_spot", "curve_per_frame")} == {
+        learnt().places
+    }
+    assert (found["moves"], found["width"], found["height"], found["advice"]) == (True, 240, 180, [])
+    assert client.get(f"{path}/sampling", headers={"if-none-match": told.headers["etag"]}).status_code == 304
+    for s in (0, 0.4, 1):
+        picture = client.get(f"{path}/reference?s={s}")
+        place = int(picture.headers["reference-place"])
+        assert place == learnt().key_at(s)
+        assert picture.content == learnt().pictures[learnt().keys.tolist().index(place)]
+        assert float(picture.headers["reference-s"]) == pytest.approx(s, abs=0.1)
+        assert float(picture.headers["reference-s"]) in found["reference_s"]
+    assert client.get(f"{path}/reference?s=1.1").status_code == 422
+    for asked in ("sampling", "reference"):
+        problem(client.get(f"/v1/products/plate/appearances/sha256:0/{asked}"), 404, "no appearance")
