@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from base64 import b64decode
+from collections.abc import Callable
 from dataclasses import asdict
-from typing import Annotated, Any
+from hashlib import sha256
+from typing import Annotated, Any, Self
 
 from fastapi import APIRouter, Query
 from fastapi.requests import Request
 from fastapi.responses import Response
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from api.deps import (
     IDENTITY,
@@ -24,10 +27,12 @@ from api.deps import (
     problems,
     tagged,
 )
+from api.guard import MAX_JSON
 from api.jobs import Accepted
 from api.pictures import picture_of, shown
 from api.schemas import Asked
-from inspector.stores.records import StoredAppearance
+from inspector.picture_headers import kind_of, png_size
+from inspector.stores.records import Json, StoredAppearance
 
 router = APIRouter(prefix="/v1/products/{product_id}/appearances", tags=["learning"])
 
@@ -41,12 +46,57 @@ def _different(ids: list[str]) -> list[str]:
 Ids = Annotated[list[Annotated[str, Field(pattern=IDENTITY)]], Field(min_length=1, max_length=100)]
 
 
-class Learn(Asked):
-    """Golden sweeps; the first is the map, as on the command line."""
+def _mask(text: str) -> str:
+    try:
+        data = b64decode(text, validate=True)
+        if kind_of(data) != "png":
+            raise ValueError("it is no PNG")
+        png_size(data)
+    except ValueError as error:
+        raise ValueError(f"the mask cannot be read: {error}; allowed is a PNG in base64") from error
+    return text
 
-    sweep_ids: Annotated[Ids, AfterValidator(_different)]
+
+class Excuse(Asked):
+    """A rectangle of the part, drawn on the reference picture that `reference?s=` shows."""
+
+    s: Annotated[float, Field(ge=0, le=1)]
+    x: Annotated[int, Field(ge=0, lt=2**16)]
+    y: Annotated[int, Field(ge=0, lt=2**16)]
+    width: Annotated[int, Field(ge=1, lt=2**16)]
+    height: Annotated[int, Field(ge=1, lt=2**16)]
+
+
+class Learn(Asked):
+    """Golden sweeps; the first is the map, as on the command line. Or an appearance, and what to excuse of the part."""
+
+    sweep_ids: Annotated[Ids, AfterValidator(_different)] | None = None
     add_to: Annotated[str | None, Field(pattern=IDENTITY)] = None
     """An appearance that these sweeps, confirmed good, are added to; it stays as it is, and a new one is made."""
+    ignore: Annotated[str, Field(max_length=MAX_JSON), AfterValidator(_mask)] | None = None
+    """Pixels of every frame that say nothing: a PNG of the pictures' size in base64, white where not to look."""
+    of: Annotated[str | None, Field(pattern=IDENTITY)] = None
+    """An appearance to excuse regions of; it stays as it is, and a new one is made."""
+    excuse: Annotated[list[Excuse], Field(min_length=1, max_length=100)] | None = None
+    """Regions of the part where everything is tolerated; they move with it."""
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        if (self.sweep_ids is None) == (self.of is None):
+            raise ValueError("one of `sweep_ids` and `of` is needed, and not both")
+        if (self.of is None) != (self.excuse is None):
+            raise ValueError("`of` and `excuse` go together")
+        if self.ignore is not None and (self.add_to is not None or self.of is not None):
+            raise ValueError("`ignore` goes with `sweep_ids` alone: what was learnt keeps its mask")
+        return self
+
+    @property
+    def request(self) -> Json:
+        """For the job; of the mask the hash will do."""
+        asked = self.model_dump(exclude_none=True)
+        if self.ignore is not None:
+            asked["ignore"] = "sha256:" + sha256(b64decode(self.ignore)).hexdigest()
+        return asked
 
 
 class AppearanceOut(BaseModel):
@@ -103,16 +153,22 @@ class AppearancePage(BaseModel):
 
 @router.post("", status_code=202, response_model=Accepted, responses=problems(404, 409, 503))
 async def learn(request: Request, product_id: ProductId, asked: Learn, service: ServiceDep, who: Engineer) -> Response:
-    """Learn how a good part looks. The same sweeps in the same order give the same appearance, here and elsewhere."""
+    """Learn how a good part looks. The same sweeps in the same order give the same appearance, here and elsewhere.
+
+    Or excuse regions of the part: labels, serial numbers, manual solder.
+    """
+    sweep_ids, old = asked.sweep_ids or [], asked.of or asked.add_to
+    mask = b64decode(asked.ignore) if asked.ignore is not None else None
+    regions = [each.model_dump() for each in asked.excuse or ()]
+
+    def work(progress: Callable[[float], object]) -> Json:
+        if asked.of is not None:
+            return service.learning.excuse(progress, product_id, asked.of, regions)
+        return service.learning.learn(progress, product_id, sweep_ids, asked.add_to, mask)
 
     async def do() -> tuple[int, BaseModel]:
-        await in_thread(service.learning.check, product_id, asked.sweep_ids, asked.add_to)
-        job = await service.jobs.begin(
-            "learn",
-            product_id,
-            asked.model_dump(),
-            lambda progress: service.learning.learn(progress, product_id, asked.sweep_ids, asked.add_to),
-        )
+        await in_thread(service.learning.check, product_id, sweep_ids, old)
+        job = await service.jobs.begin("learn", product_id, asked.request, work)
         return 202, Accepted(job_id=job.job_id)
 
     return await once(request, service, who, do)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+from inspector.files import write_new
 from inspector.service.desk import Desk, naming
 from inspector.service.folder import DataFolder, remove
 from inspector.stores.base import AbstractStore, NoSuchSweep
@@ -30,27 +32,74 @@ class Learning:
             self._store.appearance(product_id, add_to)
 
     def learn(
-        self, progress: Callable[[float], object], product_id: str, sweep_ids: Sequence[str], add_to: str | None
+        self,
+        progress: Callable[[float], object],
+        product_id: str,
+        sweep_ids: Sequence[str],
+        add_to: str | None,
+        ignore: bytes | None = None,
     ) -> Json:
-        """An appearance, as the outcome of a job. Raises WorkFailed, with the ids of sweeps, and NotWritten."""
-        draft = self._folder.incoming()
+        """An appearance, as the outcome of a job. Raises WorkFailed, with the ids of sweeps, and NotWritten.
+
+        `ignore` is a don't-care mask, the bytes of a PNG.
+        """
         names = {str(self._folder.sweep(sweep_id)): f"sweep {sweep_id}" for sweep_id in sweep_ids}
         before: tuple[str, ...] = ()
-        asked: Json = {"sweeps": list(names), "appearance": str(draft), "add_to": None}
+        asked: Json = {"sweeps": list(names), "add_to": None, "ignore": None}
         if add_to is not None:
             old = self._folder.appearance(add_to)
             before = self._store.appearance(product_id, add_to).sweep_ids
             asked["add_to"], names[str(old)] = str(old), f"appearance {add_to}"
+        with self._mask(ignore) as mask:
+            if mask is not None:
+                asked["ignore"], names[str(mask)] = str(mask), "the mask"
+            return self._made("learn", asked, names, progress, product_id=product_id, sweep_ids=(*before, *sweep_ids))
+
+    def excuse(
+        self, progress: Callable[[float], object], product_id: str, of: str, regions: Sequence[Mapping[str, float]]
+    ) -> Json:
+        """An appearance that tolerates everything in regions of the part, as the outcome of a job.
+
+        A region has `s`, and `x`, `y`, `width`, `height` on the reference picture there. Raises WorkFailed, NotWritten.
+        """
+        sweep_ids, old = self._store.appearance(product_id, of).sweep_ids, str(self._folder.appearance(of))
+        asked: Json = {"of": old, "regions": regions}
+        return self._made(
+            "excuse", asked, {old: f"appearance {of}"}, progress, product_id=product_id, sweep_ids=sweep_ids
+        )
+
+    @contextmanager
+    def _mask(self, ignore: bytes | None) -> Generator[Path | None]:
+        """The mask as a file, for as long as it is needed."""
+        path = self._folder.incoming()
+        try:
+            if ignore is not None:
+                write_new(path, ignore)
+            yield path if ignore is not None else None
+        finally:
+            remove(path)
+
+    def _made(
+        self,
+        task: str,
+        asked: Json,
+        names: Mapping[str, str],
+        progress: Callable[[float], object],
+        *,
+        product_id: str,
+        sweep_ids: tuple[str, ...],
+    ) -> Json:
+        draft = self._folder.incoming()
         try:
             with naming({**names, str(draft): "the appearance"}) as named:
-                made = self._desk.do("learn", asked, progress)
+                made = self._desk.do(task, {**asked, "appearance": str(draft)}, progress)
                 said = tuple(named(each) for each in made["said"])
             self._keep(draft, made["appearance_id"])
         finally:
             remove(draft)
         stored = StoredAppearance(
-            made["appearance_id"], product_id, self._now_ns(), (*before, *sweep_ids), made["facts"], said, made["bytes"]
-        )  # fmt: skip
+            made["appearance_id"], product_id, self._now_ns(), sweep_ids, made["facts"], said, made["bytes"]
+        )
         self._store.add_appearance(stored)
         return {"appearance_id": stored.appearance_id, "said": list(said)}
 

@@ -11,14 +11,17 @@ from __future__ import annotations
 import hashlib
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from inspector.cameras import open_camera
 from inspector.cameras.base import waits
 from inspector.errors import RecordingError
-from inspector.learner import add_recordings, learn_recordings
+from inspector.files import write_new
+from inspector.learner import add_recordings, learn_recordings, load_appearance
 from inspector.recorder import RecordingSummary
 from inspector.recorder import record as record_sweep
 from inspector.recording import SweepReader, count_frames
@@ -28,6 +31,8 @@ from inspector.scores_json import scores_from_bytes, scores_to_bytes
 from inspector.service import showing
 from inspector.service.showing import load_cached
 from models.appearance import Appearance
+from models.errors import LearningError
+from models.excused import excused
 from models.frame import Frame
 from models.judging import judge, rescaled
 from models.limits import promise
@@ -83,13 +88,38 @@ def record(
     return {"frames": summary.frames, "bytes": summary.bytes, "sha256": sha256, "losses": lost}
 
 
-def learn(progress: Progress, *, sweeps: Sequence[str], appearance: str, add_to: str | None) -> Json:
+def learn(
+    progress: Progress, *, sweeps: Sequence[str], appearance: str, add_to: str | None, ignore: str | None
+) -> Json:
     """Golden sweeps as an appearance, as `inspector learn` makes it. Raises LearningError, RecordingError."""
     said: list[str] = []
     if add_to is None:
-        learnt = learn_recordings(sweeps, appearance, progress, tell=said.append)
+        learnt = learn_recordings(sweeps, appearance, progress, ignore=ignore, tell=said.append)
     else:
         learnt = add_recordings(sweeps, add_to, appearance, progress, tell=said.append)
+    return _learnt(learnt, appearance, said)
+
+
+def excuse(progress: Progress, *, of: str, regions: Sequence[Mapping[str, float]], appearance: str) -> Json:
+    """An appearance that tolerates everything in rectangles of the part. Raises LearningError, AppearanceError."""
+    old = learnt = load_appearance(of)
+    width, height = old.size
+    for number, each in enumerate(regions, start=1):
+        x, y, across, down = (int(each[name]) for name in ("x", "y", "width", "height"))
+        if x + across > width or y + down > height:
+            raise LearningError(f"region {number} ends at ({x + across}, {y + down}); the picture is {width}x{height}")
+        region = np.zeros((height, width), bool)
+        region[y : y + down, x : x + across] = True
+        learnt = excused(learnt, old.key_at(float(each["s"])), region)
+        progress(number / len(regions))
+    count = int(old.facts.get("excused_regions", "0")) + len(regions)
+    facts = {**old.facts, "excused_from": old.id, "excused_regions": str(count)}
+    learnt = replace(learnt, facts=facts)
+    write_new(Path(appearance), learnt.to_bytes())
+    return _learnt(learnt, appearance, [])
+
+
+def _learnt(learnt: Appearance, appearance: str, said: list[str]) -> Json:
     return {
         "appearance_id": learnt.id,
         "facts": _facts(learnt),
@@ -99,11 +129,12 @@ def learn(progress: Progress, *, sweeps: Sequence[str], appearance: str, add_to:
 
 
 def _facts(learnt: Appearance) -> Json:
-    width, height = learnt.size
+    (width, height), mask = learnt.size, learnt.preparation.ignore
     promised = promise(learnt.peaks, Policy.false_rejects)
     return {
         **learnt.facts,
         "places": learnt.places,
+        "ignored": 0.0 if mask is None else round(float(np.mean(mask)), 4),
         "width": width,
         "height": height,
         "promise": {name: round(value, 6) for name, value in asdict(promised).items()},
@@ -213,6 +244,7 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "survey": survey,
     "record": record,
     "learn": learn,
+    "excuse": excuse,
     "replay": replay,
     "rejudge": rejudge,
     "picture": picture,

@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import threading
+from base64 import b64encode
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from api.app import create_app
 from inspector.learner import add_recordings, learn_recordings, load_appearance
+from inspector.pictures import encode_png
 from inspector.policies import PolicyFile
 from inspector.recording import SweepReader
 from inspector.replay import replay
@@ -26,6 +29,10 @@ from tests.inspector.line import cut, recorded
 HERE = "http://127.0.0.1"
 MCAP = {"content-type": "application/octet-stream"}
 PROBLEM = "application/problem+json"
+
+
+RECTANGLE = {"s": 0.4, "x": 10, "y": 10, "width": 20, "height": 20}
+MASK = b64encode(encode_png(np.eye(9, dtype=np.uint8)).data).decode()
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +155,14 @@ def test_what_cannot_be_learnt_from_is_told_by_the_id_of_the_sweep(
         ({"sweep_ids": ["GOLDEN", "GOLDEN"]}, 422, "named twice"),
         ({"sweep_ids": ["GOLDEN"], "add_to": "sha256:0"}, 404, "there is no appearance"),
         ({"sweep_ids": ["GOLDEN"], "nonsense": 1}, 422, "body.nonsense"),
-        ({}, 422, "body.sweep_ids"),
+        ({}, 422, "one of `sweep_ids` and `of` is needed"),
+        ({"sweep_ids": ["GOLDEN"], "of": "sha256:0"}, 422, "one of `sweep_ids` and `of` is needed"),
+        ({"of": "sha256:0"}, 422, "`of` and `excuse` go together"),
+        ({"of": "sha256:0", "excuse": [RECTANGLE | {"width": 0}]}, 422, "body.excuse.0.width"),
+        ({"of": "sha256:0", "excuse": [RECTANGLE]}, 404, "there is no appearance"),
+        ({"sweep_ids": ["GOLDEN"], "ignore": "!"}, 422, "allowed is a PNG in base64"),
+        ({"sweep_ids": ["GOLDEN"], "ignore": "aGVsbG8="}, 422, "it is no PNG"),
+        ({"sweep_ids": ["GOLDEN"], "ignore": MASK, "add_to": "sha256:0"}, 422, "keeps its mask"),
         (["GOLDEN"], 422, "body"),
     ],
 )
@@ -380,3 +394,62 @@ def test_lists_are_read_page_by_page(client: TestClient, recipe: dict[str, Any])
 
 def test_the_policy_of_the_wire_is_the_policy_of_files() -> None:
     assert Policy(**PolicyFile().model_dump()) == Policy()
+
+
+def learnt_as(client: TestClient, **asked: Any) -> str:
+    job = ended(client, client.post("/v1/products/plate/appearances", json=asked).json()["job_id"])
+    assert (job["state"], job["error"]) == ("done", None)
+    return job["appearance_id"]
+
+
+def judged_by(client: TestClient, appearance: str, inspection: str) -> str:
+    """The verdict on what was inspected, by another appearance."""
+    made = client.post("/v1/products/plate/recipes", json={"appearance_id": appearance, "activate": False}).json()
+    asked = {"inspection_id": inspection, "recipe_id": made["recipe_id"]}
+    return client.post("/v1/replays", json=asked).json()["verdict"]
+
+
+def test_a_mask_is_as_on_the_command_line_and_silences_what_passes_under_it(
+    client: TestClient, golden: str, inspected: dict[str, Any], tmp_path: Path
+) -> None:
+    region = inspected["deviations"][0]["regions"][0]
+    mask = np.zeros((180, 240), np.uint8)
+    mask[region["y"] - 20 : region["y"] + region["height"] + 20] = 255
+    png = encode_png(mask).data
+    (tmp_path / "mask.png").write_bytes(png)
+    made = learnt_as(client, sweep_ids=[golden], ignore=b64encode(png).decode())
+    assert made == learn_recordings([material() / "golden.mcap"], tmp_path / "a", ignore=tmp_path / "mask.png").id
+    assert client.get(f"/v1/products/plate/appearances/{made}").json()["facts"]["ignored"] == pytest.approx(
+        np.mean(mask > 0), abs=1e-3
+    )
+    assert judged_by(client, made, inspected["inspection_id"]) == "OK"
+    request = client.get("/v1/jobs?limit=1").json()["items"][0]["request"]
+    assert request == {"sweep_ids": [golden], "ignore": "sha256:" + hashlib.sha256(png).hexdigest()}
+
+
+def test_a_mask_of_another_size_is_refused_in_words(client: TestClient, golden: str) -> None:
+    answer = client.post("/v1/products/plate/appearances", json={"sweep_ids": [golden], "ignore": MASK})
+    job = ended(client, answer.json()["job_id"])
+    assert (job["state"], "9x9" in job["error"], str(golden) in job["error"]) == ("failed", True, True), job["error"]
+    assert incoming(client) == []
+
+
+def test_a_region_of_the_part_is_excused_wherever_it_is_seen(
+    client: TestClient, appearance: str, inspected: dict[str, Any]
+) -> None:
+    at = inspected["deviations"][0]["peak_index"]
+    frame = inspected["frames"][at]
+    region = max(frame["regions"], key=lambda each: each["score"])
+    low = {name: max(0, region[name] - 20) for name in ("x", "y")}
+    size = {
+        side: min(region[name] + region[side] + 20, most) - low[name]
+        for name, side, most in (("x", "width", 240), ("y", "height", 180))
+    }
+    made = learnt_as(client, of=appearance, excuse=[{"s": frame["s"], **low, **size}])
+    told = client.get(f"/v1/products/plate/appearances/{made}").json()
+    assert (told["facts"]["excused_from"], told["facts"]["excused_regions"]) == (appearance, "1")
+    assert told["sweep_ids"] == client.get(f"/v1/products/plate/appearances/{appearance}").json()["sweep_ids"]
+    assert judged_by(client, appearance, inspected["inspection_id"]) == "NG"
+    assert judged_by(client, made, inspected["inspection_id"]) == "OK"
+    answer = client.post("/v1/products/plate/appearances", json={"of": made, "excuse": [RECTANGLE | {"x": 230}]})
+    assert ended(client, answer.json()["job_id"])["error"] == "region 1 ends at (250, 30); the picture is 240x180"
