@@ -35,7 +35,6 @@ from inspector.service.desk import DeskClosed, WorkerDied, WorkFailed
 from inspector.service.errors import (
     AtCapacity,
     Busy,
-    NoPictureYet,
     NoRecipe,
     NotConcluded,
     NotOpen,
@@ -87,7 +86,6 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     # What is asked for, and what it goes with.
     NoSuch: Kind(404, "Not found"),
     NoFileId: Kind(404, "Not found"),
-    NoPictureYet: Kind(404, "No picture"),
     NoSuchPicture: Kind(404, "No picture"),
     StoreConflict: Kind(409, "Not possible now"),
     NotOpen: Kind(409, "Takes no more frames"),

@@ -14,7 +14,6 @@ from pydantic import BaseModel
 from api.deps import Id, ServiceDep, Viewer, has_already, in_thread, problems, tagged
 from inspector.picture_headers import kind_of
 from inspector.result_json import frame_record
-from inspector.service.errors import NoPictureYet
 from inspector.service.running import Shown
 from models.frame import EncodedPicture
 
@@ -56,7 +55,9 @@ class FrameOut(BaseModel):
 @router.get(
     "/{inspection_id}/picture",
     response_class=Response,
-    responses=problems(404) | picture_of("jpeg", "png", "webp", "bmp", "tiff"),
+    responses=problems(404)
+    | picture_of("jpeg", "png", "webp", "bmp", "tiff")
+    | {204: {"description": "There is none: no frame was scored yet, or the inspection has ended."}},
 )
 async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: Viewer) -> Response:
     """The picture of a running inspection that was scored last; cheap to poll with If-None-Match.
@@ -67,8 +68,9 @@ async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: 
     running = service.inspections.find(inspection_id)
     last = running.shown if running is not None else None
     if last is None:
-        stored = await in_thread(service.store.inspection, inspection_id)
-        raise NoPictureYet(inspection_id, stored.state)
+        await in_thread(service.store.inspection, inspection_id)
+        # No problem: who watches asks until it hears of the end.
+        return Response(None, 204, {"Cache-Control": "no-store"})
     tag = f'"{last.sequence}"'
     headers = {"ETag": tag, "Cache-Control": "private, no-cache", "Frame-Sequence": str(last.sequence)}
     if has_already(request, tag):

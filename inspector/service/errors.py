@@ -10,7 +10,6 @@ inspector.errors.WorldError
 ├── OutOfOrder               a frame whose number is not above all before, and that never came
 ├── ScorerLost               the process that scored an inspection is gone
 ├── NotConcluded             a result that is not there yet
-├── NoPictureYet             the latest picture of an inspection that has none, or has ended
 └── RecordingGone            a recording that is not there any more
 """
 
@@ -86,14 +85,6 @@ class NotConcluded(WorldError):
 
     def __init__(self, inspection_id: str, what: str = "result") -> None:
         super().__init__(f"inspection {inspection_id!r} is processing; there is a {what} when it is concluded")
-
-
-class NoPictureYet(WorldError):
-    """The latest picture of an inspection that has none, or has ended."""
-
-    def __init__(self, inspection_id: str, state: str) -> None:
-        why = "no frame was scored yet" if state == "processing" else f"it is {state}; ask for its frames by index"
-        super().__init__(f"there is no latest picture of inspection {inspection_id!r}: {why}")
 
 
 class RecordingGone(WorldError):

@@ -11,7 +11,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
 import pytest
@@ -34,11 +34,7 @@ FLAGS = [
     "--disable-sync",
     "--disable-dev-shm-usage",
 ]
-CHANGE_THEME = """theme => {
-    document.documentElement.dataset.theme = theme;
-    document.dispatchEvent(new Event("theme"));
-    return new Promise(done => requestAnimationFrame(() => setTimeout(done, 60)));
-}"""
+NEXT_FRAMES = "() => new Promise(done => requestAnimationFrame(() => setTimeout(done, 60)))"
 PATIENCE_MS = 20_000
 SIZE = {"width": 1280, "height": 720}
 
@@ -137,8 +133,10 @@ class Seen:
 
     def both(self, name: str, *, full: bool = False) -> None:
         """Pictures of it in dark and in light."""
-        for theme in ("light", "dark"):
-            self.page.evaluate(CHANGE_THEME, theme)
+        themes: tuple[Literal["light", "dark"], ...] = ("light", "dark")
+        for theme in themes:
+            self.page.emulate_media(color_scheme=theme)
+            self.page.evaluate(NEXT_FRAMES)
             self.shot(f"{name}-{theme}", full=full)
 
     def check(self) -> None:

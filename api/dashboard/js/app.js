@@ -106,7 +106,7 @@ function askToken(problem) {
       "form",
       { method: "dialog" },
       h("h2", {}, "A token, please"),
-      h("p", { id: "token-why" }, `The service says: ${problem.detail}.`),
+      h("p", { id: "token-why" }, api.token.get() ? `The service says: ${problem.detail}.` : "This service wants to know who asks."),
       h("label", { for: "token" }, "Token"),
       field,
       h(
@@ -137,6 +137,7 @@ function askToken(problem) {
   });
 }
 
+/** The role of the token, where the service tells. */
 async function askRole() {
   try {
     app.role = (await api.get("/v1/me")).role;
@@ -203,4 +204,6 @@ theme();
 sound();
 tellState();
 events.start();
+// Another token may have come with a restart of the service.
+events.on("reload", askRole);
 askRole().then(show);

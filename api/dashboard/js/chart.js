@@ -13,7 +13,7 @@ const FONT = "12px system-ui, sans-serif";
  * x          { label, min, max, digits, values: (splits) => [text], time }: usual is s from 0 to 1
  * y          { label, min, max, floor }: usual is from 0 to what is there, and at least `floor` (1.25), so that the limit is seen
  * limit      a horizontal line, usual 1; null for none
- * height     of the whole, px
+ * height     of the whole, px, or a function that tells it
  * onCursor   (index, x) where the pointer is, index into the data as given; (null, null) where it left
  * onPick     (index, x) where it is clicked, or entered by keyboard
  * label      what it shows, for who cannot see it
@@ -28,13 +28,14 @@ export function chart(root, options) {
   let marked = null;
   let data = [[], ...series.map(() => [])];
 
+  const tall = () => (typeof height === "function" ? height() : height);
   const at = (index) => (index === null || index === undefined ? null : order ? order[index] : index);
   const grid = { stroke: () => css("--grid"), width: 1 };
   const axis = { stroke: () => css("--ink-2"), font: FONT, grid, ticks: grid, labelFont: FONT, labelSize: 18 };
   const plot = new uPlot(
     {
       width: Math.max(root.clientWidth, 80),
-      height,
+      height: tall(),
       legend: { show: false },
       cursor: { y: false, points: { size: 8 }, drag: { x: false, y: false } },
       padding: [10, 14, 0, 0],
@@ -59,7 +60,8 @@ export function chart(root, options) {
           width: each.width ?? 1.75,
           dash: each.dash,
           fill: each.fill ? () => css(each.fill) : undefined,
-          points: { show: Boolean(each.points), size: 6, fill: () => css(each.colour) },
+          // A single point is no line.
+          points: { show: (u) => Boolean(each.points) || u.data[0].length < 3, size: 6, fill: () => css(each.colour) },
           paths: each.points === "only" ? () => null : undefined,
           spanGaps: false,
         })),
@@ -86,15 +88,15 @@ export function chart(root, options) {
   }
 
   function drawBands(u) {
-    const { left, top, width, height: tall } = u.bbox;
+    const { left, top, width, height: deep } = u.bbox;
     u.ctx.save();
     u.ctx.beginPath();
-    u.ctx.rect(left, top, width, tall);
+    u.ctx.rect(left, top, width, deep);
     u.ctx.clip();
     for (const band of bands) {
       u.ctx.fillStyle = css(band.colour ?? "--band-ng");
       const from = across(u, band.from);
-      u.ctx.fillRect(from, top, Math.max(across(u, band.to) - from, 2 * devicePixelRatio), tall);
+      u.ctx.fillRect(from, top, Math.max(across(u, band.to) - from, 2 * devicePixelRatio), deep);
     }
     u.ctx.restore();
   }
@@ -120,7 +122,8 @@ export function chart(root, options) {
     u.ctx.fillStyle = css("--limit");
     u.ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
     u.ctx.textAlign = "right";
-    u.ctx.fillText(options.limitLabel ?? "limit", left + width - 4 * devicePixelRatio, down - 4 * devicePixelRatio);
+    u.ctx.textBaseline = "bottom";
+    u.ctx.fillText(options.limitLabel ?? "limit", left + width - 6 * devicePixelRatio, down - 2 * devicePixelRatio);
     u.ctx.restore();
   }
 
@@ -132,7 +135,7 @@ export function chart(root, options) {
 
   const show = atFrame(() => plot.setData(data));
   const again = atFrame(() => plot.redraw(false));
-  const fit = atFrame(() => plot.setSize({ width: Math.max(root.clientWidth, 80), height }));
+  const fit = atFrame(() => plot.setSize({ width: Math.max(root.clientWidth, 80), height: tall() }));
   const watch = new ResizeObserver(fit);
   watch.observe(root);
   document.addEventListener("theme", again);

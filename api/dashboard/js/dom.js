@@ -53,8 +53,8 @@ export const VERDICTS = {
   INVALID: { mark: "!", kind: "invalid", said: "wrong part, or no usable picture" },
 };
 
-/** How an inspection stands, for `verdict`: its verdict, or the state where it has none. */
-export const standing = (inspection) => inspection.verdict ?? inspection.state ?? "processing";
+/** How an inspection stands, for `verdict`: its verdict; or its state, where it runs, was aborted, or failed. */
+export const standing = ({ verdict: word, state = "processing" }) => (state === "completed" && word ? word : state);
 
 /** A verdict, or a state: colour, word and shape. `size`: small, usual, huge. */
 export function verdict(word, size = "usual") {

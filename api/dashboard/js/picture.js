@@ -44,7 +44,8 @@ export function picture(root, { label = "Picture", onDraw = null, overlay = null
     canvas.width = Math.round(width * scale);
     canvas.height = Math.round(height * scale);
     const pen = canvas.getContext("2d");
-    pen.imageSmoothingEnabled = scale < 2;
+    // From there on the pixels themselves are of interest.
+    pen.imageSmoothingEnabled = scale < 4;
     if (shown) pen.drawImage(shown, 0, 0, canvas.width, canvas.height);
     const unit = canvas.width / Math.max(canvas.clientWidth, 1);
     overlay?.(pen, scale);
