@@ -25,9 +25,11 @@ from api import (
     recipes,
     rejudge,
     replays,
+    station,
     stream,
     sweeps,
     tokens,
+    trends,
 )
 from api.deps import in_thread
 from api.guard import Guard
@@ -47,6 +49,8 @@ ROUTERS = (
     pictures.router,
     stream.router,
     replays.router,
+    trends.router,
+    station.router,
     events.router,
     audit.router,
     tokens.router,

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from math import inf
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client.samples import Sample
 
 _STAGES = (0.0005, 0.001, 0.002, 0.003, 0.005, 0.0075, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.2, 0.5, 1.0, 2.0)
 _HELD = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
@@ -42,6 +44,36 @@ class Metrics:
     def exposition(self) -> bytes:
         """All figures, in Prometheus' text format."""
         return generate_latest(self.registry)
+
+    def frames_by_outcome(self) -> dict[str, int]:
+        """Of all products."""
+        counts: dict[str, int] = {}
+        for sample in self._samples(self.frames, "_total"):
+            counts[sample.labels["outcome"]] = counts.get(sample.labels["outcome"], 0) + int(sample.value)
+        return counts
+
+    def latency(self, share: float) -> float | None:
+        """Seconds within which that share of the frames had their score, evenly within a bucket; None without any.
+
+        Beyond the last bucket it is that bucket's end.
+        """
+        buckets = [
+            (float(sample.labels["le"]), sample.value)
+            for sample in self._samples(self.stages, "_bucket")
+            if sample.labels["stage"] == "total"
+        ]
+        if not buckets or not (wanted := share * buckets[-1][1]):
+            return None
+        low, before = 0.0, 0.0
+        for end, count in buckets:
+            if count >= wanted:
+                return low if end == inf else low + (end - low) * (wanted - before) / (count - before)
+            low, before = end, count
+        return low
+
+    def _samples(self, metric: Counter | Histogram, ending: str) -> Iterator[Sample]:
+        for family in metric.collect():
+            yield from (sample for sample in family.samples if sample.name.endswith(ending))
 
     async def watch_loop(self, clock: Callable[[], float]) -> None:
         """How late a sleep wakes up is how long something else held the loop."""

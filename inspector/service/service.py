@@ -23,6 +23,7 @@ from inspector.service.replays import Replays
 from inspector.service.retention import DAY_NS, Retention, free_bytes, tidy
 from inspector.service.running import Bounds
 from inspector.service.sweeps import Sweeps
+from inspector.service.trends import Trends
 from inspector.settings import CORES, Settings
 from inspector.stores import AbstractStore, open_store
 from models.errors import InspectionError
@@ -43,6 +44,7 @@ class Service:
     learning: Learning
     replays: Replays
     pictures: Pictures
+    trends: Trends
     inspections: Inspections
 
     def __init__(self, settings: Settings, now_ns: Callable[[], int] = time.time_ns) -> None:
@@ -92,6 +94,7 @@ class Service:
         self.learning = Learning(store, folder, learning, self.now_ns)
         self.replays = Replays(store, folder, looking, self.now_ns)
         self.pictures = Pictures(store, folder, showing)
+        self.trends = Trends(store, looking)
         self.inspections = Inspections(
             store,
             folder,

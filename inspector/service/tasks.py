@@ -31,6 +31,7 @@ from inspector.scores_json import scores_from_bytes, scores_to_bytes
 from inspector.service import showing
 from inspector.service.showing import load_cached
 from models.appearance import Appearance
+from models.drift import changes
 from models.errors import LearningError
 from models.excused import excused
 from models.frame import Frame
@@ -240,6 +241,26 @@ def reference(progress: Progress, *, appearance: str, s: float) -> Json:
     return {"format": picture.format, "data": b64encode(picture.data).decode(), "place": place, "s": round(at, 6)}
 
 
+def drift(progress: Progress, *, profiles: Sequence[Sequence[float | None]]) -> Json:
+    """Where and since when the profiles of parts, oldest first, moved; the medians before and after."""
+    known = np.array(profiles, np.float64)
+    found = changes(known)
+    most = max(found, key=lambda each: abs(each.after - each.before), default=None)
+    at = most.since if most else len(known) // 2
+    bins = known.shape[1]
+    return {
+        "s": [round((bin + 0.5) / bins, 6) for bin in range(bins)],
+        "earlier": _medians(known[:at] if at else known),
+        "later": _medians(known[at:]),
+        "changes": [asdict(each) for each in found],
+    }
+
+
+def _medians(profiles: np.ndarray) -> list[float | None]:
+    columns = [column[np.isfinite(column)] for column in profiles.T]
+    return [round(float(np.median(each)), 6) if len(each) else None for each in columns]
+
+
 TASKS: Mapping[str, Callable[..., Json]] = {
     "survey": survey,
     "record": record,
@@ -248,6 +269,7 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "replay": replay,
     "rejudge": rejudge,
     "picture": picture,
+    "drift": drift,
     "sampling": sampling,
     "reference": reference,
 }

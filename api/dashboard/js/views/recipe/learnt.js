@@ -5,8 +5,8 @@ import { chart, legend } from "../../chart.js";
 import { empty, failed, fixed, h, moment, replace, waiting } from "../../dom.js";
 
 const SPEED = [
-  { label: "picture", colour: "--score", digits: 2 },
-  { label: "curve", colour: "--other", dash: [5, 3], digits: 2 },
+  { label: "picture moves", colour: "--score" },
+  { label: "looks change", colour: "--other", dash: [5, 3] },
 ];
 
 export function learntPanel(recipe, app) {
@@ -110,30 +110,37 @@ function leftOut(facts) {
 }
 
 /** How fast picture and curve go along s, as times what is usual on this sweep, and where to slow down. */
-function samplingPart(root, { s, pixels_per_frame: pixels, curve_per_frame: curve, advice }) {
-  const usual = [middle(pixels), middle(curve)];
+function samplingPart(root, sampling) {
+  const { s, pixels_per_frame: pixels, curve_per_frame: curve, frames_per_spot: shown, moves, advice } = sampling;
+  const usual = middle(pixels);
+  const series = moves ? SPEED : SPEED.slice(1);
   const place = h("div", { class: "chart" });
-  const cursor = h("p", { class: "note", role: "status" }, `Usual is ${fixed(usual[0], 1)} px from frame to frame.`);
+  const rest = moves
+    ? `Usual is ${fixed(usual, 1)} px per frame; a spot is seen in ${fixed(Math.min(...shown.filter(Number.isFinite)), 0)} frames or more.`
+    : "The picture does not move along this sweep: how its looks change is told.";
+  const told = (i) =>
+    moves && shown[i] !== null
+      ? `s ${fixed(s[i], 3)}: ${fixed(pixels[i], 1)} px per frame, a spot is seen in ${fixed(shown[i], 0)} frames`
+      : `s ${fixed(s[i], 3)}: looks change ${fixed(curve[i], 1)} times as fast as usual`;
+  const cursor = h("p", { class: "note", role: "status" }, rest);
   const list = advice.length
     ? h("ul", { class: "advice" }, advice.map((each) => h("li", { class: "caution" }, h("strong", {}, span(each)), " ", each.said)))
-    : h("p", { class: "note" }, "The sweep is even enough: nowhere does the picture move too far from one frame to the next.");
-  replace(root, h("h3", {}, "How fast the sweep was"), legend(SPEED), place, cursor, list);
-  const told = (i) => `s ${fixed(s[i], 3)}: ${fixed(pixels[i], 1)} px per frame, ${fixed(pixels[i] / usual[0], 1)} times usual`;
+    : h("p", { class: "note" }, "Nowhere does the sweep need to go slower.");
+  replace(root, h("h3", {}, "How fast the sweep was"), legend(series), place, cursor, list);
   const drawn = chart(place, {
-    series: SPEED,
+    series,
     y: { label: "times usual" },
     limit: null,
     height: 170,
-    label: "How fast picture and curve move from frame to frame, along the sweep",
-    onCursor: (i) => (cursor.textContent = i === null ? `Usual is ${fixed(usual[0], 1)} px from frame to frame.` : told(i)),
+    label: "How fast picture and looks change from frame to frame, along the sweep",
+    onCursor: (i) => (cursor.textContent = i === null ? rest : told(i)),
   });
-  drawn.set(s, ratio(pixels, usual[0]), ratio(curve, usual[1]));
+  drawn.set(s, ...(moves ? [pixels.map((each) => (usual ? each / usual : null))] : []), curve);
   drawn.bands(advice.map((each) => ({ from: each.s_start, to: each.s_end, colour: "--band-select" })));
   return drawn;
 }
 
 const span = (each) => `s ${fixed(each.s_start)} to ${fixed(each.s_end)}:`;
-const ratio = (values, by) => values.map((each) => (each === null || !by ? null : each / by));
 
 function middle(values) {
   const known = values.filter((each) => each !== null).sort((a, b) => a - b);

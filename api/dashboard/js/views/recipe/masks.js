@@ -8,9 +8,9 @@ import { followJob } from "./job.js";
 
 const LOOK_MS = 80;
 const KINDS = {
-  ignore: { label: "Don't care, fixed in the picture", said: "Reflections, the fixture, a time stamp: nothing there is looked at, wherever the part is." },
-  window: { label: "Window, fixed in the picture", said: "Only what lies in a window is looked at; all else is as if it were masked." },
-  excuse: { label: "Don't care, on the part", said: "Labels, serial numbers: drawn here, excused wherever the sweep sees this place of the part." },
+  ignore: { short: "in the picture", label: "Don't care, fixed in the picture", said: "Reflections, the fixture, a time stamp: nothing there is looked at, wherever the part is." },
+  window: { short: "window", label: "Window, fixed in the picture", said: "Only what lies in a window is looked at; all else is as if it were masked." },
+  excuse: { short: "on the part", label: "Don't care, on the part", said: "Labels, serial numbers: drawn here, excused wherever the sweep sees this place of the part." },
 };
 
 export function masksPanel(recipe, app) {
@@ -23,6 +23,7 @@ export function masksPanel(recipe, app) {
   let at = null;
   let asking = null;
 
+  const where = h("p", { class: "note", role: "status" });
   const trouble = h("div", {});
   const place = h("div", { class: "reference" });
   const shown = picture(place, {
@@ -47,6 +48,7 @@ export function masksPanel(recipe, app) {
       const response = await ask(url(`${base}/reference`, { s: slider.value }), { signal: mine.signal });
       const told = Number(response.headers.get("Reference-S") ?? NaN);
       at = Number.isFinite(told) ? told : Number(slider.value);
+      where.textContent = `Nearest reference picture: s ${fixed(at, 3)}`;
       await shown.show(await response.blob());
       replace(trouble);
       draw();
@@ -91,9 +93,9 @@ export function masksPanel(recipe, app) {
       h(
         "tr",
         {},
-        h("td", {}, KINDS[mask.kind].label, mask.kind === "excuse" ? h("button", { type: "button", class: "link", onclick: () => goTo(mask.s) }, `at s ${fixed(mask.s, 3)}`) : null),
+        h("td", {}, KINDS[mask.kind].short, mask.kind === "excuse" ? h("button", { type: "button", class: "link", onclick: () => goTo(mask.s) }, `at s ${fixed(mask.s, 3)}`) : null),
         ["x", "y", "width", "height"].map((name) => h("td", { class: "number" }, corner(mask, name, i))),
-        h("td", {}, h("button", { type: "button", "aria-label": `Remove rectangle ${i + 1}`, onclick: () => remove(mask) }, "Remove")),
+        h("td", {}, h("button", { type: "button", class: "icon", "aria-label": `Remove rectangle ${i + 1}`, title: "Remove", onclick: () => remove(mask) }, "✕")),
       );
     const head = ["What", "x", "y", "width", "height", ""].map((text, i) => h("th", { scope: "col", class: i > 0 && i < 5 ? "number" : null }, text));
     return h("table", { class: "rows masks" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, drawn.map(row)));
@@ -156,6 +158,7 @@ export function masksPanel(recipe, app) {
     { class: "panel", "aria-labelledby": "masks-title" },
     h("div", { class: "panelhead" }, h("h2", { id: "masks-title" }, "Reference picture"), h("span", { class: "note" }, recipe.named(chosen))),
     h("div", { class: "srow" }, h("label", { for: "mask-s" }, "Along the sweep"), slider, number),
+    where,
     trouble,
     place,
   );
