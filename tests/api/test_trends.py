@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 from api.app import create_app
 from inspector.service.metrics import Metrics
 from inspector.settings import read_settings
-from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, learnt, teach
+from tests.api.stations import GOOD, PRODUCT, begin, came_out, feed, frames, teach
 
 HERE = "http://127.0.0.1"
 TRENDS = f"/v1/products/{PRODUCT}/trends"
@@ -33,20 +33,9 @@ def client(app: FastAPI) -> Iterator[TestClient]:
 def parts(client: TestClient, app: FastAPI) -> list[str]:
     """Sixty parts, of which every tenth is NG; from the fortieth on the score is higher about s = 0.5."""
     service: Any = app.state.service
-    recipe, found = teach(service), list[str]()
-    for number in range(60):
-        inspection_id, score = f"part{number:03}", 0.3 + 0.001 * (number % 7)
-        service.store.begin_inspection(
-            inspection_id, PRODUCT, part_id=str(number), recipe_id=recipe, appearance_id=learnt().id, policy={},
-            begun_ns=1000 * number, source="live", is_simulated=False, recording="none",
-        )  # fmt: skip
-        profile = [score + 0.4 * (number >= 40 and 24 <= bin <= 26) for bin in range(50)]
-        service.store.conclude_inspection(
-            inspection_id, "completed", verdict="NG" if number % 10 == 9 else "OK", ended_ns=1000 * number + 500,
-            result={"profile": profile}, scores=b"",
-        )  # fmt: skip
-        found.append(inspection_id)
-    return found
+    recipe = teach(service)
+    verdicts = ["NG" if number % 10 == 9 else "OK" for number in range(60)]
+    return came_out(service.store, recipe, verdicts, moved_since=40, begun_ns=0, every_ns=1000)
 
 
 def test_groups_add_up_and_the_oldest_takes_the_rest(client: TestClient, parts: list[str]) -> None:
@@ -54,8 +43,8 @@ def test_groups_add_up_and_the_oldest_takes_the_rest(client: TestClient, parts: 
     assert [each["parts"] for each in told["groups"]] == [10, 25, 25]
     assert [each["rejected"] for each in told["groups"]] == [1, 2, 3]
     assert (told["parts"], told["verdicts"]) == (60, {"OK": 54, "NG": 6})
-    assert told["groups"][0]["start_ns"] == 500
-    assert told["groups"][-1]["end_ns"] == 59500
+    assert told["groups"][0]["start_ns"] == 1000
+    assert told["groups"][-1]["end_ns"] == 60000
     fewer = client.get(TRENDS, params={"group": 10, "last": 20}).json()
     assert [(each["parts"], each["rejected"]) for each in fewer["groups"]] == [(10, 1), (10, 1)]
 
@@ -64,7 +53,7 @@ def test_drift_is_told_where_and_since_which_part(client: TestClient, parts: lis
     drift = client.get(TRENDS).json()["drift"]
     (change,) = drift["changes"]
     assert (change["s_start"], change["s_end"]) == (0.48, 0.54)
-    assert (change["inspection_id"], change["since_ns"]) == (parts[40], 40500)
+    assert (change["inspection_id"], change["since_ns"]) == (parts[40], 41000)
     assert change["after"] - change["before"] == pytest.approx(0.4, abs=0.01)
     assert drift["later"][25] - drift["earlier"][25] == pytest.approx(0.4, abs=0.01)
     assert drift["later"][5] == pytest.approx(drift["earlier"][5], abs=0.01)

@@ -12,7 +12,7 @@ const SERIES = [
 export function driftPanel({ drift }) {
   const place = h("div", { class: "chart" });
   const cursor = h("p", { class: "note", role: "status" });
-  const rest = "Mean over the parts of the highest score in each fiftieth of the sweep; the limit is at 1.";
+  const rest = "Median over the parts of the highest score in each fiftieth of the sweep; the limit is at 1.";
   cursor.textContent = rest;
   const node = h(
     "section",
@@ -24,9 +24,9 @@ export function driftPanel({ drift }) {
   const { s, earlier, later, changes } = drift;
   const drawn = chart(place, {
     series: SERIES,
-    y: { label: "mean score" },
+    y: { label: "median score" },
     height: 230,
-    label: "Mean score of earlier and of later parts, along the sweep",
+    label: "Median score of earlier and of later parts, along the sweep",
     onCursor: (i) => (cursor.textContent = i === null ? rest : `s ${fixed(s[i])}: earlier ${fixed(earlier[i])}, later ${fixed(later[i])}`),
   });
   drawn.set(s, earlier, later);

@@ -14,7 +14,7 @@ export function peoplePanel({ people }, product) {
       "dl",
       { class: "figures" },
       figure("Escapes", people.escapes, "OK by the machine, NG by a person", of(people.escapes, people.looked_at_ok)),
-      figure("False rejects", people.false_rejects, "not OK by the machine, OK by a person", of(people.false_rejects, people.looked_at_rejected)),
+      figure("False rejects", people.false_rejects, "NG by the machine, OK by a person", of(people.false_rejects, people.looked_at_rejected)),
       figure("Confirmed", people.confirmed, "the person agreed", looked ? `of ${looked}` : "nobody looked at any yet"),
       figure("Not looked at", people.undecided, "no person decided", ""),
     ),
