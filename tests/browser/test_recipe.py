@@ -112,6 +112,20 @@ def test_a_golden_sweep_is_uploaded_and_learnt_from(seen: Seen, station: Station
     page.click("text=Judge by it")
     page.click("text=Save version 1 and inspect by it")
     page.wait_for_selector(".news >> text=Version 1 is saved")
+    page.click("#tab-learning")
+    page.wait_for_selector(".speed .uplot")
+    seen.both("recipe-golden-sweeps", full=True)
+    page.click("#tab-masks")
+    page.wait_for_selector("text=Nearest reference picture")
+    page.focus("canvas.picture")
+    for key in ("Enter", "Shift+ArrowRight", "Shift+ArrowRight", "Shift+ArrowDown", "Enter"):
+        page.keyboard.press(key)
+    assert [each.input_value() for each in page.locator("table.masks input").all()] == ["120", "90", "20", "10"]
+    page.click("text=Learn with these")
+    page.wait_for_selector(".news >> text=is learnt with the masks")
+    first, second = httpx2.get(f"{station.url}/v1/products/fresh/appearances").json()["items"]
+    assert first["sweep_ids"] == second["sweep_ids"]
+    assert first["appearance_id"] != second["appearance_id"]
 
 
 def test_what_is_no_recording_is_refused_in_words(seen: Seen) -> None:
@@ -120,7 +134,7 @@ def test_what_is_no_recording_is_refused_in_words(seen: Seen) -> None:
     page.set_input_files("#sweep-file", files=[wrong])
     page.click("text=Upload")
     page.wait_for_selector(".upload .wrong >> text=no MCAP")
-    seen.excused += ["422", "404"]
+    seen.excused.append("422")
 
 
 def test_who_may_only_look_is_told_why(station: Station, look: Callable[..., Seen]) -> None:
@@ -130,3 +144,41 @@ def test_who_may_only_look_is_told_why(station: Station, look: Callable[..., See
     assert page.locator("#policy-sensitivity").is_disabled()
     assert page.locator(".save button.main").is_disabled()
     seen.shot("recipe-viewer")
+
+
+def test_a_mask_drawn_with_the_mouse_and_learnt_silences_the_region(seen: Seen, station: Station) -> None:
+    before = station.inspect(BAD, "0100")
+    assert before["verdict"] == "NG"
+    page = seen.open(f"{RECIPE}?tab=masks", wait="text=Nearest reference picture")
+    page.check("input[value=excuse]")
+    page.locator("#mask-s").fill("0.3")
+    page.wait_for_selector("text=/Nearest reference picture: s 0\\.[23]/")
+    s = float(page.inner_text("text=/Nearest reference picture: s/").split()[-1])
+    frame = min((each for each in before["frames"] if each["regions"]), key=lambda each: abs(each["s"] - s))
+    drag(seen, frame["regions"][0], width=240, margin=14)
+    assert page.locator("table.masks tbody tr").count() == 1
+    seen.both("recipe-masks", full=True)
+    page.click("text=Learn with these")
+    page.wait_for_selector(".news >> text=is learnt with the masks")
+    page.click(".save button.main")
+    page.wait_for_selector(".news >> text=parts are inspected by it from now on")
+    assert station.inspect(BAD, "0101")["verdict"] == "OK"
+    assert station.inspect(FAINT.replace("strength=0.5", "strength=1"), "0102")["verdict"] == "NG"
+
+
+def drag(seen: Seen, region: dict[str, Any], *, width: int, margin: int) -> None:
+    """A rectangle about a region of a picture that is so many pixels wide."""
+    bounds = seen.page.locator("canvas.picture").bounding_box()
+    assert bounds is not None
+    scale = bounds["width"] / width
+    corners = [
+        (bounds["x"] + scale * (region["x"] - margin), bounds["y"] + scale * (region["y"] - margin)),
+        (
+            bounds["x"] + scale * (region["x"] + region["width"] + margin),
+            bounds["y"] + scale * (region["y"] + region["height"] + margin),
+        ),
+    ]
+    seen.page.mouse.move(*corners[0])
+    seen.page.mouse.down()
+    seen.page.mouse.move(*corners[1], steps=4)
+    seen.page.mouse.up()

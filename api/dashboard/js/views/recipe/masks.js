@@ -37,6 +37,7 @@ export function masksPanel(recipe, app) {
     return h("label", { class: "choice" }, radio, h("span", {}, h("strong", {}, label), h("span", { class: "note" }, said)));
   });
   const table = h("div", { class: "scroll" });
+  const trap = h("p", { class: "wrong", role: "status" });
   const learn = h("button", { type: "button", class: "main", onclick: begin }, "Learn with these");
   const jobs = h("div", { class: "jobs", "aria-live": "polite" });
   const ends = [];
@@ -83,7 +84,9 @@ export function masksPanel(recipe, app) {
     const here = drawn.filter((each) => each.kind === "ignore" || (each.kind === "excuse" && Math.abs(each.s - at) < 1e-6));
     shown.rects([...here, ...outside(drawn.filter((each) => each.kind === "window"), shown.size())]);
     replace(table, drawn.length ? maskTable() : h("p", { class: "note" }, "Nothing is drawn yet. Drag over the picture, or use the keyboard: Enter, arrows, Enter."));
-    const nothing = drawn.length ? null : "Draw something first.";
+    const again = drawn.some((each) => each.kind !== "excuse") && !appearance.sweep_ids.length;
+    const nothing = drawn.length ? (again ? "The sweeps that it was learnt from are not here: only regions of the part can be excused." : null) : "Draw something first.";
+    trap.textContent = again ? nothing : "";
     learn.disabled = Boolean(why ?? nothing);
     learn.title = why ?? nothing ?? "";
   }
@@ -170,6 +173,7 @@ export function masksPanel(recipe, app) {
     h("fieldset", { class: "choices" }, h("legend", {}, "A rectangle is"), radios),
     table,
     h("p", { class: "note" }, "Masks go into a new appearance, learnt once more from the same sweeps. Draw generously: compression carries what is under a mask to its neighbours."),
+    trap,
     h("div", { class: "buttons" }, learn),
     jobs,
   );
