@@ -13,6 +13,12 @@ export function polarity(word) {
   return known ? h("span", { class: `polarity ${word}` }, h("span", { "aria-hidden": "true" }, known.mark), ` ${known.word}`) : "–";
 }
 
+/** What is to be asked for where it is to be replayed: its own recording, or that of which it is a replay. */
+export function source(inspection, result) {
+  const [, kind, id] = /^(inspection|sweep) (.+)$/.exec(result?.replay_of ?? "") ?? [];
+  return kind ? { [`${kind}_id`]: id } : { inspection_id: inspection.inspection_id };
+}
+
 /** Where it comes from: production, or a replay of something. */
 export function origin(inspection, result) {
   if (!inspection.is_simulated) return null;
