@@ -182,3 +182,14 @@ def drag(seen: Seen, region: dict[str, Any], *, width: int, margin: int) -> None
     seen.page.mouse.down()
     seen.page.mouse.move(*corners[1], steps=4)
     seen.page.mouse.up()
+
+
+def test_what_somebody_else_activates_is_offered_and_does_not_move_the_sliders(seen: Seen, station: Station) -> None:
+    page = seen.open(RECIPE, wait=".rejudged .headline")
+    page.wait_for_selector("#station[data-state=ready]")
+    page.get_by_label("False-reject target in percent").fill("7")
+    made = ask(station, "/recipes", policy={"coverage": 0.9}, note="elsewhere")
+    page.wait_for_selector(f".news >> text=Version {made['version']} is active now.")
+    assert page.get_by_label("False-reject target in percent").input_value() == "7"
+    page.click("text=Show it")
+    page.wait_for_selector(".headline-row >> text=elsewhere")

@@ -97,15 +97,23 @@ export async function show(root, params, app) {
     document.getElementById(`tab-${name}`)?.focus();
   }
 
+  // Sliders that somebody moves must not jump, nor masks be lost: it is told, and shown when it is asked for.
+  function offer(said) {
+    recipe.tell(`${said} `);
+    news.append(h("button", { type: "button", onclick: () => recipe.reload("") }, "Show it"));
+  }
+
   replace(root, head, news, place);
   draw();
   const ends = [
-    app.events.on("reload", () => recipe.reload().catch((problem) => recipe.tell(problem.detail ?? String(problem)))),
+    app.events.on("reload", async () => {
+      const again = await read(params.product, app).catch(() => null);
+      if (closed || again === null || mark(again) === mark(recipe)) return;
+      offer("The recipe has changed meanwhile.");
+    }),
     app.events.on("recipe", (event) => {
       if (event.product_id !== params.product || event.recipe_id === recipe.active?.recipe_id) return;
-      // Sliders that somebody moves must not jump: only the heading tells.
-      recipe.tell(`Version ${event.version} is active now. `);
-      news.append(h("button", { type: "button", onclick: () => recipe.reload("") }, "Show it"));
+      offer(`Version ${event.version} is active now.`);
     }),
   ];
   return () => {
@@ -114,6 +122,9 @@ export async function show(root, params, app) {
     panel?.close?.();
   };
 }
+
+/** What changes when something was learnt, saved or activated. */
+const mark = ({ active, versions, appearances }) => [active?.recipe_id, versions.length, appearances.length].join();
 
 /** Everything that the panels share of a product. */
 async function read(product, app) {
