@@ -94,8 +94,10 @@ class Station:
         """While this lasts the service is not there; after it, it is again, at the same port."""
         port = urlsplit(self.url).port
         self._running.close()
-        yield
-        self.served = self._running.enter_context(serve(self.data, port=port, **self._settings))
+        try:
+            yield
+        finally:
+            self.served = self._running.enter_context(serve(self.data, port=port, **self._settings))
 
 
 @pytest.fixture(scope="module")
