@@ -202,7 +202,7 @@ export function lane(root, app) {
 }
 
 function paceText({ frames, sweep }) {
-  return `${fixed(frames, frames < 10 ? 1 : 0)} frames/s${sweep === null ? "" : `, ${fixed(100 * sweep, 1)} % of the sweep/s`}`;
+  return `${fixed(frames, frames < 10 ? 1 : 0)} frames/s${sweep === null ? "" : ` · ${fixed(100 * sweep, 1)} %/s`}`;
 }
 
 /** Why it is so, in one line. */
