@@ -31,6 +31,9 @@ ORANGE = """([canvas, x0, y0, x1, y1]) => {
 }"""
 """Where a canvas is as orange as a box: x0, y0, x1, y1 as shares of it; null where it is nowhere."""
 
+AWAY = ["ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_INCOMPLETE_CHUNKED_ENCODING", "503"]
+"""What a browser says where a service stops, is away, and starts."""
+
 
 def true_boxes(options: str) -> list[tuple[float, float, float, float] | None]:
     """For each frame where the planted defect is, in its pixels; the camera knows."""
@@ -136,7 +139,7 @@ def test_several_at_once_have_a_lane_each_and_keep_it(seen: Seen, station: Stati
 
 
 def test_it_goes_on_after_the_service_was_restarted(seen: Seen, station: Station) -> None:
-    seen.excused += ["ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET"]
+    seen.excused += AWAY
     page = seen.open(wait="#station[data-state=ready]")
     page.wait_for_selector(".lane")
     with station.away():
@@ -153,7 +156,7 @@ def test_it_goes_on_after_the_service_was_restarted(seen: Seen, station: Station
 
 
 def test_what_happened_while_it_was_away_is_read_again(seen: Seen, station: Station) -> None:
-    seen.excused += ["ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET"]
+    seen.excused += AWAY
     page = seen.open(wait="#station[data-state=ready]")
     with station.away():
         page.wait_for_selector("#station[data-state=reconnecting]")
