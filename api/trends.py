@@ -40,7 +40,7 @@ class Change(BaseModel):
 
 
 class Drift(BaseModel):
-    """Scores along the sweep, of earlier and of later parts."""
+    """Scores along the sweep, of earlier and of later parts; of those that were judged by the latest part's recipe."""
 
     s: list[float]
     earlier: list[float | None]

@@ -48,7 +48,9 @@ class Trends:
                 return
 
     def _drift(self, parts: Sequence[StoredInspection]) -> Json | None:
-        known = [each for each in parts if (each.result or {}).get("profile")]
+        # By another recipe scores have other units: its first part would look like a drift.
+        recipe_id = parts[-1].recipe_id if parts else None
+        known = [each for each in parts if each.recipe_id == recipe_id and (each.result or {}).get("profile")]
         if not known:
             return None
         profiles = [(each.result or {})["profile"] for each in known]

@@ -95,11 +95,21 @@ def taught(data: Path) -> Path:
 
 
 def came_out(
-    store: Any, recipe_id: str, verdicts: Sequence[str], *, moved_since: int, begun_ns: int, every_ns: int
+    store: Any,
+    recipe_id: str,
+    verdicts: Sequence[str],
+    *,
+    moved_since: int,
+    begun_ns: int,
+    every_ns: int,
+    first: int = 0,
 ) -> list[str]:
-    """Parts stored as if they had been inspected; since one of them scores are higher from s = 0.48 to 0.54."""
+    """Parts stored as if they had been inspected; since one of them scores are higher from s = 0.48 to 0.54.
+
+    They are numbered from `first`.
+    """
     found = list[str]()
-    for number, verdict in enumerate(verdicts):
+    for number, verdict in enumerate(verdicts, first):
         inspection_id, begun = f"part{number:03}", begun_ns + number * every_ns
         store.begin_inspection(
             inspection_id, PRODUCT, part_id=f"{number:04}", recipe_id=recipe_id, appearance_id=learnt().id, policy={},

@@ -105,3 +105,11 @@ def test_latency_is_read_from_the_buckets() -> None:
     assert metrics.latency(0.95) == pytest.approx(0.04)
     metrics.stages.labels("total").observe(99.0)
     assert metrics.latency(1.0) == 2.0
+
+
+def test_a_new_recipe_is_no_drift(app: FastAPI, parts: list[str]) -> None:
+    service: Any = app.state.service
+    came_out(service.store, teach(service), ["OK"] * 25, first=60, moved_since=99, begun_ns=100_000, every_ns=1000)
+    # Twenty parts that scored higher, and twenty-five that do not, by another recipe.
+    drift = service.trends.of(PRODUCT, 45, None)["drift"]
+    assert (drift["changes"], drift["later"][25]) == ([], pytest.approx(0.3, abs=0.01))
