@@ -13,9 +13,9 @@ import numpy as np
 from inspector.cameras.base import AbstractCamera, CameraNotOpened, Clock, OptionRefused
 from inspector.cameras.options import read
 from inspector.cameras.simulated.defects import KINDS, USUAL_SIZE, Defect, mark, with_defects
-from inspector.cameras.simulated.motion import Exposure, Path, exposures, reference_path
+from inspector.cameras.simulated.motion import Exposure, Path, exposures, over_part, reference_path
 from inspector.cameras.simulated.part import Part, draw_part, features_of
-from inspector.cameras.simulated.render import Renderer
+from inspector.cameras.simulated.render import Pose, Renderer
 from inspector.cameras.simulated.settings import Settings
 from inspector.cameras.simulated.surface import Surface
 from inspector.cameras.simulated.truth import FrameTruth, Patch, frame_truth, patch_of
@@ -40,6 +40,12 @@ class SimulatedCamera(AbstractCamera):
             at = ",".join(f"{s:g}" for s in settings.at)
             raise OptionRefused("simulated", "at", at, f"one sweep coordinate per defect: {len(settings.defect)}")
         self._defects = _defects(settings, self._path)
+        self._looked: tuple[float, Renderer] | None = None
+
+    @property
+    def settings(self) -> Settings:
+        """The options of its url."""
+        return self._settings
 
     @classmethod
     def open(cls, place: str, query: dict[str, str], clock: Clock) -> Self:
@@ -68,10 +74,27 @@ class SimulatedCamera(AbstractCamera):
         for exposure in self._exposures:
             if self._closed:
                 return
-            t = round(exposure.sequence * 1e9 / s.fps)
             if s.realtime:
-                self._clock.wait_until(begun + t)
-            yield self._frame(renderer, exposure, START_NS + t)
+                self._clock.wait_until(begun + self._after(exposure.sequence))
+            travel = round(exposure.u * self._path.step * (1 + s.encoder_error), 3) if s.encoder else None
+            yield self._frame(self._expose(renderer, exposure), exposure.sequence, travel)
+
+    def look(self, at: Pose, sequence: int = 0, *, covered: bool = False) -> Frame:
+        """One frame from a hand that is told where to be, rather than from a sweep.
+
+        `at` is over the fixture, as the sweep's path is. Frames of one `sequence` have the same noise and time.
+        `covered`: something stands before the lens, out of focus.
+        """
+        s = self._settings
+        shake = np.random.default_rng([s.seed, 4, sequence]).standard_normal(2) * s.vibration
+        pose = over_part(np.array([at.x, at.y]) + shake, at.angle, s.place)
+        if self._looked is None or self._looked[0] != pose.angle:
+            self._looked = pose.angle, Renderer(self._surface(self._defects), s.size, pose.angle, s.shade)
+        image = self._looked[1].picture(pose)
+        if covered:
+            image = cv2.GaussianBlur(image, (0, 0), s.size[0] / 8) / 3
+        image *= np.float32(s.gain)
+        return self._frame(image, sequence)
 
     def truth(self) -> tuple[FrameTruth, ...]:
         """What every frame shows: for tests, never for an inspection."""
@@ -85,28 +108,31 @@ class SimulatedCamera(AbstractCamera):
     def _patch(self, defect: Defect) -> Patch | None:
         return patch_of(self._surface(()), self._surface((defect,)))
 
-    def _frame(self, renderer: Renderer, exposure: Exposure, t_ns: int) -> Frame:
-        s = self._settings
-        pixels, encoded = self._expose(renderer, exposure), None
-        if s.jpeg:
-            encoded = encode_jpeg(pixels, s.jpeg)
-            pixels = decode(encoded)
-        travel = round(exposure.u * self._path.step * (1 + s.encoder_error), 3) if s.encoder else None
-        return Frame(pixels, t_ns, exposure.sequence, travel, encoded)
-
     def _expose(self, renderer: Renderer, exposure: Exposure) -> np.ndarray:
-        """The sensor's picture: light, motion blur, noise."""
-        s, rng = self._settings, np.random.default_rng([self._settings.seed, 2, exposure.sequence])
-        image = renderer.picture(exposure.pose)
+        """What falls on the sensor: light, motion blur."""
+        s, image = self._settings, renderer.picture(exposure.pose)
         if s.blur > 1:
             image = cv2.blur(image, (s.blur, 1) if self._sideways(exposure.u) else (1, s.blur))
         phase = 2 * np.pi * (exposure.u / self._path.last + s.seed * 0.381966)
         image *= np.float32(s.gain * (1 + s.drift * np.sin(phase)))
+        return image
+
+    def _frame(self, image: np.ndarray, sequence: int, travel: float | None = None) -> Frame:
+        """What the sensor makes of it: noise, rounding, and the time at which it was taken."""
+        s, rng = self._settings, np.random.default_rng([self._settings.seed, 2, sequence])
         if s.noise:
             noise = rng.standard_normal(image.shape, np.float32)
             noise *= np.float32(s.noise)
             image += noise
-        return cv2.convertScaleAbs(np.maximum(image, 0, out=image))
+        pixels, encoded = cv2.convertScaleAbs(np.maximum(image, 0, out=image)), None
+        if s.jpeg:
+            encoded = encode_jpeg(pixels, s.jpeg)
+            pixels = decode(encoded)
+        return Frame(pixels, START_NS + self._after(sequence), sequence, travel, encoded)
+
+    def _after(self, sequence: int) -> int:
+        """Nanoseconds from the start."""
+        return round(sequence * 1e9 / self._settings.fps)
 
     def _sideways(self, u: float) -> bool:
         """Whether the path goes more across than down here: blur is along the nearer axis only."""

@@ -91,11 +91,17 @@ def exposures(path: Path, settings: Settings) -> tuple[Exposure, ...]:
     us = _travel(path.last, settings, rng)
     shake = rng.standard_normal((len(us), 2)) * settings.vibration
     kept = np.flatnonzero(rng.random(len(us)) >= settings.lost)
-    dx, dy, degrees = settings.place
-    angle = float(np.deg2rad(degrees))
-    c, s, middle = np.cos(angle), np.sin(angle), np.array([WIDTH / 2, HEIGHT / 2])
-    feet = (path.at(us) + np.array([dx, dy]) + shake - middle) @ np.array([[c, s], [-s, c]]) + middle
-    return tuple(Exposure(int(k), float(us[k]), Pose(float(feet[k, 0]), float(feet[k, 1]), angle)) for k in kept)
+    feet = path.at(us) + shake
+    return tuple(Exposure(int(k), float(us[k]), over_part(feet[k], 0.0, settings.place)) for k in kept)
+
+
+def over_part(foot: np.ndarray, angle: float, place: tuple[float, ...]) -> Pose:
+    """Where a camera over the fixture, its axis at foot (2,), is over a part that lies in it as `place` says."""
+    dx, dy, degrees = place
+    turn = float(np.deg2rad(degrees))
+    c, s, middle = np.cos(turn), np.sin(turn), np.array([WIDTH / 2, HEIGHT / 2])
+    x, y = (foot + np.array([dx, dy]) - middle) @ np.array([[c, s], [-s, c]]) + middle
+    return Pose(float(x), float(y), angle + turn)
 
 
 def _travel(last: int, settings: Settings, rng: np.random.Generator) -> np.ndarray:

@@ -13,6 +13,7 @@ from inspector.cameras.base import CameraNotOpened, OptionRefused
 from inspector.cameras.simulated import SimulatedCamera
 from inspector.cameras.simulated.camera import START_NS
 from inspector.cameras.simulated.defects import KINDS
+from inspector.cameras.simulated.render import Pose
 from tests.contracts.cameras import CameraContract
 
 EXACT = "simulated:?size=160x120&jpeg=0&noise=0&vibration=0&jitter=0&drift=0"
@@ -180,6 +181,32 @@ def test_a_turned_part_turns_the_picture() -> None:
     likeness = [np.corrcoef(straight[inner].ravel(), image[inner].ravel())[0, 1] for image in (turned, back)]
     assert likeness[1] > 0.97
     assert likeness[1] > likeness[0] + 0.05
+
+
+def test_a_hand_sees_from_where_it_is_put_what_a_sweep_sees_there() -> None:
+    camera = opened("frames=5&noise=0&jpeg=0&vibration=0&place=3,-2,5")
+    unmoved = opened("frames=5&noise=0&jpeg=0&vibration=0")
+    swept, straight = list(camera.frames()), unmoved.truth()
+    for frame, truth in zip(swept, straight, strict=True):
+        looked = camera.look(truth.pose, frame.sequence)
+        np.testing.assert_array_equal(looked.pixels, frame.pixels)
+        assert (looked.t_ns, looked.sequence) == (frame.t_ns, frame.sequence)
+
+
+def test_a_hand_that_turns_turns_the_picture() -> None:
+    camera = opened("noise=0&jpeg=0&vibration=0&size=160x120")
+    straight = camera.look(Pose(480, 260)).pixels.astype(float)
+    turned = camera.look(Pose(480, 260, np.pi)).pixels.astype(float)
+    likeness = [np.corrcoef(straight.ravel(), image.ravel())[0, 1] for image in (turned, turned[::-1, ::-1])]
+    # not alike: the lamp turns with the camera, and relief is lit from the other side
+    assert likeness[1] > likeness[0] + 0.3
+
+
+def test_what_is_covered_shows_nothing_of_the_part() -> None:
+    camera = opened("noise=0&size=160x120")
+    seen, covered = (camera.look(Pose(480, 260), covered=each).pixels.astype(float) for each in (False, True))
+    edges = [np.abs(np.diff(picture)).mean() for picture in (seen, covered)]
+    assert edges[1] < edges[0] / 10
 
 
 def test_late_early_and_cut_short_move_the_ends() -> None:
