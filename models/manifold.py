@@ -5,8 +5,9 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
+from math import factorial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,17 @@ from models.errors import AppearanceError, LearningError
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
+
+
+@dataclass(frozen=True, eq=False)
+class Jet:
+    """g and how it moves, at one q: what a Newton step needs."""
+
+    value: Float64[np.ndarray, " k"]
+    slopes: Float64[np.ndarray, "m k"]
+    """First derivatives."""
+    bends: Float64[np.ndarray, "m m k"]
+    """Second derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +108,27 @@ class Manifold:
             return self._spline(self.wrap(q), nu=np.array(orders))
         return self._point(float(q[0]), orders[0]) if q.ndim == 1 else self._curve(self.wrap(q)[:, 0], orders[0])
 
+    def jet(self, q: Float64[np.ndarray, " m"]) -> Jet:
+        """g with all first and second derivatives at one q (m,), for a tenth of what asking for each would cost.
+
+        >>> s = np.linspace(0, 1, 5)
+        >>> jet = Manifold.over(s, (s**3)[:, None]).jet(np.array([0.5]))
+        >>> jet.value.round(6), jet.slopes.round(6), jet.bends.round(6)
+        (array([0.125]), array([[0.75]]), array([[[3.]]]))
+        """
+        weights: np.ndarray = np.ones((1, 1))
+        block: list[slice] = []
+        for value, (knots, pieces) in zip(self.wrap(q).tolist(), self._bases, strict=True):
+            piece = min(max(bisect_right(knots, value) - 1, 0), len(knots) - 2)
+            t = value - knots[piece]
+            powers = np.array([[t * t * t, t * t, t, 1.0], [3 * t * t, 2 * t, 1.0, 0.0], [6 * t, 2.0, 0.0, 0.0]])
+            basis = powers[:, 4 - len(pieces[piece]) :] @ pieces[piece]
+            block.append(slice(piece, piece + basis.shape[1]))
+            weights = (weights[:, None, :, None] * basis[:, None, :]).reshape(3 * len(weights), -1)
+        rows, values, slopes, bends = _orders(self.m)
+        found = weights[rows] @ self._weights[tuple(block)].reshape(-1, self.k)
+        return Jet(found[values], found[slopes], found[bends])
+
     def wrap(self, q: Float64[np.ndarray, "*n m"]) -> Float64[np.ndarray, "*n m"]:
         """The same q, a period counted from the start of its axis, other parameters held inside their axis."""
         columns = [
@@ -161,21 +194,47 @@ class Manifold:
 
     @cached_property
     def _spline(self) -> NdBSpline:
-        from scipy.interpolate import NdBSpline, make_interp_spline  # noqa: PLC0415
+        from scipy.interpolate import NdBSpline  # noqa: PLC0415
+
+        knots, degrees, weights = self._tensor
+        return NdBSpline(tuple(knots), weights, tuple(degrees))
+
+    @property
+    def _weights(self) -> Float64[np.ndarray, "*c k"]:
+        return self._tensor[2]
+
+    @cached_property
+    def _bases(self) -> list[tuple[list[float], Float64[np.ndarray, "r d d"]]]:
+        """Per axis: where the pieces begin (and the last one ends), and the B-splines not zero there as polynomials."""
+        from scipy.interpolate import BSpline  # noqa: PLC0415
+
+        found: list[tuple[list[float], np.ndarray]] = []
+        for knots, degree in zip(*self._tensor[:2], strict=True):
+            count = knots.size - degree - 1
+            starts, splines = knots[degree:count], BSpline(knots, np.eye(count), degree)
+            powers = np.stack([splines(starts, nu=power) / factorial(power) for power in range(degree, -1, -1)])
+            pieces = [powers[:, piece, piece : piece + degree + 1] for piece in range(count - degree)]
+            found.append((knots[degree : count + 1].tolist(), np.stack(pieces)))
+        return found
+
+    @cached_property
+    def _tensor(self) -> tuple[list[np.ndarray], list[int], np.ndarray]:
+        """Knots and degree of each axis, and the weights (*c, k) of the tensor-product B-splines."""
+        from scipy.interpolate import make_interp_spline  # noqa: PLC0415
 
         knots: list[np.ndarray] = []
         degrees: list[int] = []
         weights: np.ndarray = self.samples
         for number, period in enumerate(self.periods):
             axis, values = self._closed(number, weights)
-            degree = min(3, axis.size - 1)
+            degree = min(3, axis.size - 1) if period is None else 3
             end = None if period is None else "periodic"
             spline = make_interp_spline(axis, values, k=degree, axis=number, bc_type=end)
             # BSpline keeps the interpolation axis first.
             weights = np.moveaxis(spline.c, 0, number)
             knots.append(spline.t)
             degrees.append(degree)
-        return NdBSpline(tuple(knots), weights, tuple(degrees))
+        return knots, degrees, np.ascontiguousarray(weights, np.float64)
 
     def to_header(self) -> dict[str, Any]:
         """What is not an array."""
@@ -194,6 +253,17 @@ class Manifold:
             return cls(axes, arrays["samples"], periods)
         except (KeyError, TypeError, ValueError, LearningError) as error:
             raise AppearanceError(f"the manifold in the file cannot be used: {error}") from error
+
+
+@cache
+def _orders(m: int) -> tuple[list[int], int, list[int], list[list[int]]]:
+    """Which of all 3**m products of derivatives a jet has, and where in them value, slopes and bends are."""
+    unit = np.eye(m, dtype=int)
+    base = 3 ** np.arange(m - 1, -1, -1)
+    wanted = [(0 * base, *unit, *(unit[i] + unit[j] for i in range(m) for j in range(i, m)))]
+    rows = [int(order @ base) for order in wanted[0]]
+    bends = [[rows.index(int((unit[i] + unit[j]) @ base)) for j in range(m)] for i in range(m)]
+    return rows, 0, list(range(1, m + 1)), bends
 
 
 def _check_axis(number: int, axis: Float64[np.ndarray, " r"], period: float | None) -> None:

@@ -184,16 +184,15 @@ class NearestPoint:
         Where the true curvature does not lead downhill, Gauss's approximation of it; where that is singular, a
         step of one spacing along the gradient.
         """
-        g, unit = self.manifold, np.eye(self.manifold.m, dtype=int)
-        slopes = np.stack([g.differentiate(q, tuple(one)) for one in unit])
-        gradient = slopes @ apart
+        jet = self.manifold.jet(q)
+        gradient = jet.slopes @ apart
         free = np.flatnonzero(~((q <= low) & (gradient > 0) | (q >= high) & (gradient < 0)))
         step = np.zeros_like(q)
         if not free.size or not gradient[free].any():
             return step
-        gauss = slopes[free] @ slopes[free].T
-        bend = [[apart @ g.differentiate(q, tuple(unit[i] + unit[j])) for j in free] for i in free]
-        for curvature in (gauss + np.array(bend), gauss):
+        gauss = jet.slopes[free] @ jet.slopes[free].T
+        bend = (jet.bends @ apart)[np.ix_(free, free)]
+        for curvature in (gauss + bend, gauss):
             values, axes = np.linalg.eigh(curvature)
             if values[0] > 1e-9 * np.trace(gauss):
                 step[free] = -axes @ ((axes.T @ gradient[free]) / values)

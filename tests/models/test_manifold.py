@@ -150,3 +150,17 @@ def test_damaged_arrays_are_refused(harm: dict[str, np.ndarray]):
     g = manifold_of((5,), (None,), 6)
     with pytest.raises(AppearanceError, match="manifold in the file"):
         Manifold.from_parts(g.to_header(), g.arrays() | harm)
+
+
+@given(periods=PERIODS, counts=st.lists(st.integers(2, 7), min_size=3, max_size=3), seed=st.integers(0, 2**31))
+@settings(max_examples=60, deadline=None)
+def test_a_jet_is_all_derivatives_at_once(periods: tuple[float | None, ...], counts: list[int], seed: int):
+    g = manifold_of(tuple(counts[: len(periods)]), periods, seed)
+    q = np.random.default_rng(seed).uniform(-0.2, 1.7, g.m)
+    jet, unit = g.jet(q), np.eye(g.m, dtype=int)
+    np.testing.assert_allclose(jet.value, g.at(q), atol=1e-9)
+    for i in range(g.m):
+        np.testing.assert_allclose(jet.slopes[i], g.derivative(q, i), atol=1e-7)
+        for j in range(g.m):
+            bend = g.differentiate(q, tuple((unit[i] + unit[j]).tolist()))
+            np.testing.assert_allclose(jet.bends[i, j], bend, atol=1e-5 * (1 + np.abs(bend).max()))
