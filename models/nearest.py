@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Float32, Float64
 
-from models.manifold import Manifold
+from models.manifold import Jet, Manifold
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -145,57 +145,72 @@ class NearestPoint:
     def _refined(
         self, z: Float64[np.ndarray, " k"], q: Float64[np.ndarray, " m"]
     ) -> tuple[Float64[np.ndarray, " m"], float]:
-        """Newton on ||z - g(q)||^2 / 2 inside one spacing about q, shortened until it goes down: never worse than q."""
-        g = self.manifold
-        low, high = self._box(q)
-        apart = g.at(q) - z
-        squared = float(apart @ apart)
-        for _ in range(STEPS):
-            step = np.clip(q + self._newton(q, apart, low, high), low, high) - q
-            while np.any(np.abs(step) > CLOSE * self.spacing):
-                moved = g.at(q + step) - z
-                if float(moved @ moved) < squared:
-                    break
-                step = step / 4
-            else:
-                break
-            q, apart, squared = q + step, moved, float(moved @ moved)
-        return g.wrap(q), squared**0.5
+        return refine(self.manifold, z, q, self.spacing)
 
     def _box(self, q: Float64[np.ndarray, " m"]) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
-        """One spacing about q, inside the axes that have ends."""
-        g = self.manifold
-        ends = [
-            (float(axis[0]), float(axis[-1])) if period is None else (-np.inf, np.inf)
-            for axis, period in zip(g.axes, g.periods, strict=True)
-        ]
-        low, high = np.array(ends).T
-        return np.maximum(q - self.spacing, low), np.minimum(q + self.spacing, high)
+        return _box(self.manifold, q, self.spacing)
 
-    def _newton(
-        self,
-        q: Float64[np.ndarray, " m"],
-        apart: Float64[np.ndarray, " k"],
-        low: Float64[np.ndarray, " m"],
-        high: Float64[np.ndarray, " m"],
-    ) -> Float64[np.ndarray, " m"]:
-        """The Newton step, parameters that push against their bound held still.
 
-        Where the true curvature does not lead downhill, Gauss's approximation of it; where that is singular, a
-        step of one spacing along the gradient.
-        """
-        jet = self.manifold.jet(q)
-        gradient = jet.slopes @ apart
-        free = np.flatnonzero(~((q <= low) & (gradient > 0) | (q >= high) & (gradient < 0)))
-        step = np.zeros_like(q)
-        if not free.size or not gradient[free].any():
-            return step
-        gauss = jet.slopes[free] @ jet.slopes[free].T
-        bend = (jet.bends @ apart)[np.ix_(free, free)]
-        for curvature in (gauss + bend, gauss):
-            values, axes = np.linalg.eigh(curvature)
-            if values[0] > 1e-9 * np.trace(gauss):
-                step[free] = -axes @ ((axes.T @ gradient[free]) / values)
-                return step
-        step[free] = -np.sign(gradient[free]) * self.spacing[free]
+def refine(
+    g: Manifold, z: Float64[np.ndarray, " k"], q: Float64[np.ndarray, " m"], reach: Float64[np.ndarray, " m"]
+) -> tuple[Float64[np.ndarray, " m"], float]:
+    """(q, ||z - g(q)||) downhill from q, no farther than `reach` from it per parameter: never worse than q.
+
+    Newton on ||z - g(q)||^2 / 2, a step shortened until it goes down.
+    """
+    low, high = _box(g, q, reach)
+    jet = g.jet(q)
+    apart = jet.value - z
+    squared = float(apart @ apart)
+    for _ in range(STEPS):
+        step = np.clip(q + _newton(jet, q, apart, low, high, reach), low, high) - q
+        while np.any(np.abs(step) > CLOSE * reach):
+            moved = g.jet(q + step)
+            left = moved.value - z
+            if float(left @ left) < squared:
+                break
+            step = step / 4
+        else:
+            break
+        q, jet, apart, squared = q + step, moved, left, float(left @ left)
+    return g.wrap(q), squared**0.5
+
+
+def _box(
+    g: Manifold, q: Float64[np.ndarray, " m"], reach: Float64[np.ndarray, " m"]
+) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
+    """`reach` about q, inside the axes that have ends."""
+    ends = [
+        (float(axis[0]), float(axis[-1])) if period is None else (-np.inf, np.inf)
+        for axis, period in zip(g.axes, g.periods, strict=True)
+    ]
+    low, high = np.array(ends).T
+    return np.maximum(q - reach, low), np.minimum(q + reach, high)
+
+
+def _newton(
+    jet: Jet,
+    q: Float64[np.ndarray, " m"],
+    apart: Float64[np.ndarray, " k"],
+    low: Float64[np.ndarray, " m"],
+    high: Float64[np.ndarray, " m"],
+    reach: Float64[np.ndarray, " m"],
+) -> Float64[np.ndarray, " m"]:
+    """The Newton step, parameters that push against their bound held still.
+
+    Where the true curvature does not lead downhill, Gauss's approximation of it; where that is singular, a
+    step as far as allowed along the gradient.
+    """
+    gradient = jet.slopes @ apart
+    free = np.flatnonzero(~((q <= low) & (gradient > 0) | (q >= high) & (gradient < 0)))
+    step = np.zeros_like(q)
+    if not free.size or not gradient[free].any():
         return step
+    gauss = jet.slopes[free] @ jet.slopes[free].T
+    for curvature in (gauss + (jet.bends @ apart)[np.ix_(free, free)], gauss):
+        values, axes = np.linalg.eigh(curvature)
+        if values[0] > 1e-9 * np.trace(gauss):
+            step[free] = -axes @ ((axes.T @ gradient[free]) / values)
+            return step
+    step[free] = -np.sign(gradient[free]) * reach[free]
+    return step
