@@ -163,7 +163,7 @@ def refine(
     apart = jet.value - z
     squared = float(apart @ apart)
     for _ in range(STEPS):
-        step = np.clip(q + _newton(jet, q, apart, low, high, reach), low, high) - q
+        step = np.clip(q + _newton(jet, q, apart, (low, high), reach), low, high) - q
         while np.any(np.abs(step) > CLOSE * reach):
             moved = g.jet(q + step)
             left = moved.value - z
@@ -192,8 +192,7 @@ def _newton(
     jet: Jet,
     q: Float64[np.ndarray, " m"],
     apart: Float64[np.ndarray, " k"],
-    low: Float64[np.ndarray, " m"],
-    high: Float64[np.ndarray, " m"],
+    box: tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]],
     reach: Float64[np.ndarray, " m"],
 ) -> Float64[np.ndarray, " m"]:
     """The Newton step, parameters that push against their bound held still.
@@ -201,7 +200,7 @@ def _newton(
     Where the true curvature does not lead downhill, Gauss's approximation of it; where that is singular, a
     step as far as allowed along the gradient.
     """
-    gradient = jet.slopes @ apart
+    (low, high), gradient = box, jet.slopes @ apart
     free = np.flatnonzero(~((q <= low) & (gradient > 0) | (q >= high) & (gradient < 0)))
     step = np.zeros_like(q)
     if not free.size or not gradient[free].any():

@@ -1,0 +1,147 @@
+"""Workspace: everything learnt of one or several objects over their task parameters. Named by the hash of its bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+from safetensors.numpy import load, save
+
+from models.eigenspace import Eigenspace
+from models.errors import AppearanceError
+from models.preparation import Preparation
+from models.workspace.grid import Parameter
+from models.workspace.learnt import LearntObject
+from models.workspace.located import Located
+from models.workspace.locating import Search
+
+MAGIC = b"sweep-workspace"
+VERSION = 1
+_HASH = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """How objects look over their task parameters q.
+
+    Made by `models.workspace.learn_workspace`. One universal eigenspace says which object it may be and about where;
+    the object's own says exactly where (Murase and Nayar, IJCV 14(1), 1995). The bytes are a tag, a version, the
+    SHA-256 of what follows, and a safetensors archive: arrays and one JSON header, no code.
+    """
+
+    parameters: tuple[Parameter, ...]
+    preparation: Preparation
+    universal: Eigenspace
+    """Of the pictures of all objects."""
+    learnt: tuple[LearntObject, ...]
+    facts: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Where it comes from: number of pictures, versions of the libraries."""
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Their names, in the order in which they were first seen."""
+        return tuple(each.name for each in self.learnt)
+
+    @cached_property
+    def _search(self) -> Search:
+        return Search.of(self.parameters, self.universal, self.learnt)
+
+    def locate(self, pixels: UInt8[np.ndarray, "h w *c"]) -> Located:
+        """Which object a picture (h, w) or (h, w, 3) shows, and where: over all places of all objects.
+
+        Raises PictureError where the picture is of another size than those learnt from.
+        """
+        return self._search.locate(self.preparation.prepare(pixels))
+
+    def locate_near(
+        self, pixels: UInt8[np.ndarray, "h w *c"], object: str, q: tuple[float, ...], reach: tuple[float, ...]
+    ) -> Located:
+        """Where a picture of this object shows it, not farther than `reach` from q per parameter: for tracking.
+
+        Raises PictureError as `locate`; NumericError where there is no such object.
+        """
+        near, by = np.array(q, np.float64), np.array(reach, np.float64)
+        return self._search.locate_near(self.preparation.prepare(pixels), object, near, by)
+
+    @cached_property
+    def id(self) -> str:
+        """Its name: `sha256:` and the hash of its bytes."""
+        return "sha256:" + hashlib.sha256(self.to_bytes()).hexdigest()
+
+    def to_bytes(self) -> bytes:
+        """The same workspace always gives the same bytes."""
+        arrays = {
+            **{f"preparation.{name}": array for name, array in self.preparation.arrays().items()},
+            **{f"universal.{name}": array for name, array in self.universal.arrays().items()},
+        }
+        for i, each in enumerate(self.learnt):
+            arrays |= {f"{i}.{name}": array for name, array in each.arrays().items()}
+        header = {
+            "parameters": [[parameter.name, parameter.period] for parameter in self.parameters],
+            "preparation": self.preparation.to_header(),
+            "objects": [each.to_header() for each in self.learnt],
+            "facts": dict(self.facts),
+        }
+        text = json.dumps(header, sort_keys=True, separators=(",", ":"))
+        payload = save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {"workspace": text})
+        return MAGIC + VERSION.to_bytes(4, "little") + hashlib.sha256(payload).digest() + payload
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Workspace:
+        """Verified: raises AppearanceError for a file that is foreign, newer, cut or changed in any bit."""
+        arrays, header = _opened(data)
+        try:
+            parameters = tuple(Parameter(str(name), period) for name, period in header["parameters"])
+            objects = [
+                LearntObject.from_parts(each, _under(f"{i}.", arrays)) for i, each in enumerate(header["objects"])
+            ]
+            made = cls(
+                parameters,
+                Preparation.from_parts(header["preparation"], _under("preparation.", arrays)),
+                Eigenspace.from_arrays(_under("universal.", arrays)),
+                tuple(objects),
+                header["facts"],
+            )
+            return made._checked()
+        except AppearanceError:
+            raise
+        # a file made by hand can be wrong in more ways than can be named
+        except Exception as error:
+            raise AppearanceError(f"the workspace lacks what version {VERSION} holds: {error}") from error
+
+    def _checked(self) -> Workspace:
+        p = self.preparation.length()
+        spaces = {"universal": self.universal} | {each.name: each.space for each in self.learnt}
+        wrong = [name for name, space in spaces.items() if space.p != p]
+        wrong += [each.name for each in self.learnt if each.manifold.m != len(self.parameters)]
+        if wrong or not self.learnt or len(spaces) != 1 + len(self.learnt):
+            raise AppearanceError(f"the workspace does not fit together: {', '.join(wrong) or 'its objects'}")
+        return self
+
+
+def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    start = len(MAGIC) + 4
+    if data[: len(MAGIC)] != MAGIC:
+        raise AppearanceError("not a workspace: it does not begin as one; `inspector workspace learn` makes them")
+    version = int.from_bytes(data[len(MAGIC) : start], "little")
+    if version != VERSION:
+        raise AppearanceError(f"the workspace has format version {version}, this program reads {VERSION}: learn again")
+    payload = data[start + _HASH :]
+    if hashlib.sha256(payload).digest() != data[start : start + _HASH]:
+        raise AppearanceError("the workspace is damaged: its checksum does not fit; restore it, or learn again")
+    try:
+        size = int.from_bytes(payload[:8], "little")
+        return load(payload), json.loads(json.loads(payload[8 : 8 + size])["__metadata__"]["workspace"])
+    # whatever a file made by hand does to those who read it
+    except Exception as error:
+        raise AppearanceError(f"the workspace cannot be read: {error}") from error
+
+
+def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

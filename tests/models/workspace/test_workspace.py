@@ -1,0 +1,94 @@
+"""Workspace: learnt places between the samples, other objects, other light, and what comes back from its bytes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.errors import AppearanceError, LearningError, NumericError, PictureError
+from models.workspace import LabelledPicture, Parameter, Workspace, learn_workspace
+from tests.models.parts import surface
+from tests.models.workspace.drawn import VIEW, pictures, view
+
+X = np.linspace(-12, 12, 9)
+"""Three pixels from sample to sample."""
+XY = (Parameter("x"), Parameter("y"))
+
+
+@pytest.fixture(scope="module")
+def plates() -> Workspace:
+    """Two parts over x and y."""
+    return learn_workspace(pictures((X, X), (1, 2)), XY)
+
+
+def test_places_between_the_samples_are_found(plates: Workspace) -> None:
+    rng = np.random.default_rng(0)
+    errors: list[np.ndarray] = []
+    for _ in range(30):
+        part, q = int(rng.integers(1, 3)), rng.uniform(-12, 12, 2)
+        noisy = view(surface(part), *q, gain=float(rng.uniform(0.9, 1.1))) + rng.normal(0, 2, VIEW[::-1])
+        found = plates.locate(np.clip(noisy, 0, 255).astype(np.uint8))
+        assert (found.object, found.state) == (f"part{part}", "known")
+        assert found.q is not None
+        errors.append(np.array(found.q) - q)
+    assert np.abs(errors).mean() < 0.05 * 3
+
+
+def test_what_was_not_learnt_is_unknown(plates: Workspace) -> None:
+    found = plates.locate(view(surface(3), 0, 0))
+    assert (found.object, found.q, found.state) == (None, None, "unknown")
+    assert found.others[0].distance == found.distance
+
+
+def test_near_a_place_it_is_found_as_everywhere(plates: Workspace) -> None:
+    seen = view(surface(2), 4.2, -7.3)
+    everywhere, near = plates.locate(seen), plates.locate_near(seen, "part2", (4.0, -7.0), (2.0, 2.0))
+    assert everywhere.q is not None
+    assert near.q == pytest.approx(everywhere.q, abs=1e-4)
+    with pytest.raises(NumericError, match="no object part3 in the workspace; allowed are part1, part2"):
+        plates.locate_near(seen, "part3", (0.0, 0.0), (1.0, 1.0))
+
+
+def test_a_part_that_looks_alike_from_two_sides_is_ambiguous() -> None:
+    half = view(surface(1), 0)[:, : VIEW[0] // 2]
+
+    def turned(angle_deg: float) -> np.ndarray:
+        shifted = np.roll(np.hstack([half, half]), round(VIEW[0] * angle_deg / 360), axis=1)
+        return np.ascontiguousarray(shifted)
+
+    learnt = [LabelledPicture("part", (angle,), turned(angle)) for angle in np.arange(0, 360, 7.5)]
+    workspace = learn_workspace(learnt, [Parameter("angle_deg", 360)])
+    found = workspace.locate(turned(93.75))
+    assert found.state == "ambiguous"
+    assert found.uncertainty is not None
+    assert found.uncertainty[0] == pytest.approx(180, abs=1)
+
+
+def test_the_same_bytes_come_back_and_find_the_same(plates: Workspace) -> None:
+    again = Workspace.from_bytes(plates.to_bytes())
+    assert (again.id, again.objects, again.parameters) == (plates.id, ("part1", "part2"), XY)
+    seen = view(surface(1), 1.5, 2.5)
+    assert again.locate(seen) == plates.locate(seen)
+
+
+def test_a_damaged_file_is_refused(plates: Workspace) -> None:
+    data = plates.to_bytes()
+    flipped = bytearray(data)
+    flipped[len(data) // 2] ^= 1
+    for harm, said in ((bytes(flipped), "checksum"), (data[:-9], "checksum"), (b"x" + data, "not a workspace")):
+        with pytest.raises(AppearanceError, match=said):
+            Workspace.from_bytes(harm)
+
+
+def test_what_cannot_be_learnt_is_refused_by_name() -> None:
+    flat = np.zeros((20, 30), np.uint8)
+    with pytest.raises(LearningError, match="no picture to learn from"):
+        learn_workspace([], XY)
+    with pytest.raises(LearningError, match="object a: 1 numbers at x 3; needed are x, y"):
+        learn_workspace([LabelledPicture("a", (3.0,), flat)], XY)
+    two = [LabelledPicture("a", (0.0,), flat), LabelledPicture("a", (1.0,), flat[1:])]
+    with pytest.raises(PictureError, match="object a at x 1: picture is 30x19, learnt were pictures of 30x20"):
+        learn_workspace(two, XY[:1])
+    same = [LabelledPicture("a", (value,), flat + 9) for value in (0.0, 1.0)]
+    with pytest.raises(LearningError):
+        learn_workspace(same, XY[:1])
