@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
+from anyio.to_thread import current_default_thread_limiter
 from fastapi import FastAPI
 
 from api import (
@@ -34,6 +35,7 @@ from api import (
 from api.deps import in_thread
 from api.guard import Guard
 from api.schemas import Problem
+from api.shared import Shared
 from inspector.service.service import Service
 from inspector.settings import Settings, read_settings
 
@@ -57,6 +59,8 @@ ROUTERS = (
     me.router,
     page.router,
 )
+THREADS = 2
+"""That read and write for requests."""
 ALWAYS: dict[int | str, dict[str, Any]] = {
     400: {"model": Problem, "description": "The body cannot be read."},
     401: {"model": Problem, "description": "A token is needed, or this one is not known."},
@@ -74,6 +78,8 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
         await service.start()
+        # More of them would only take the interpreter away from the frames.
+        current_default_thread_limiter().total_tokens = THREADS
         # What is imported when a thread is asked for the first time would hold up frames.
         await in_thread(int)
         try:
@@ -91,8 +97,9 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         redirect_slashes=False,
     )
     app.state.service = service
+    app.state.shared = Shared(service.events)
     app.state.dashboard = page.read_files()
-    app.add_middleware(Guard, settings=service.settings, metrics=service.metrics)
+    app.add_middleware(Guard, service=service)
     errors.install(app)
     for router in ROUTERS:
         app.include_router(router, responses=ALWAYS if router is not health.router else None)

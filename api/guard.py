@@ -1,4 +1,4 @@
-"""Before any route: bodies within their limits, nobody led here by a page of theirs, every request counted."""
+"""Before any route: bodies within their limits, nobody led here by a page of theirs, frames first, all is counted."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.errors import BodyTooLarge, problem
-from inspector.service.metrics import Metrics
-from inspector.settings import Settings, is_loopback
+from inspector.service.service import Service
+from inspector.settings import is_loopback
 
 MAX_JSON = 1 << 20
 """Bytes of a body that is neither a picture nor a recording."""
@@ -25,8 +25,9 @@ _PICTURE = re.compile(r"/v1/inspections/[^/]*/frames")
 class Guard:
     """Wraps the app."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics) -> None:
-        self._app, self._settings, self._metrics = app, settings, metrics
+    def __init__(self, app: ASGIApp, service: Service) -> None:
+        self._app, self._settings, self._metrics = app, service.settings, service.metrics
+        self._service = service
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer what must not go on, and hand on the rest."""
@@ -44,6 +45,7 @@ class Guard:
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         limit, seen, status, headers = self._limit(scope["path"]), 0, 500, Headers(scope=scope)
         declared = headers.get("content-length", "")
+        reads = scope["method"] in ("GET", "HEAD")
         # Whether a part of the body is still on its way.
         coming = "transfer-encoding" in headers or declared not in ("", "0")
 
@@ -61,6 +63,8 @@ class Guard:
             if message["type"] == "http.response.start":
                 status = int(message["status"])
                 MutableHeaders(scope=message).update(HEADERS)
+                if not (reads or _PICTURE.fullmatch(scope["path"])):
+                    self._service.events.changed()
                 if coming:
                     # What nobody reads would otherwise be waited for, gigabytes of it.
                     MutableHeaders(scope=message)["Connection"] = "close"
@@ -71,6 +75,8 @@ class Guard:
                 error = BodyTooLarge(limit)
                 await problem(413, "Body too large", error.detail, headers=error.headers)(scope, receive, marked)
             else:
+                if reads:
+                    await self._service.inspections.make_way()
                 await self._app(scope, counted, marked)
         finally:
             route = getattr(scope.get("route"), "path", "none")

@@ -30,6 +30,7 @@ from api.deps import (
 )
 from api.errors import WrongType, problem
 from api.schemas import Asked
+from api.shared import Shared
 from inspector.protocol import SentFrame
 from inspector.result_json import frame_records
 from inspector.scores_json import scores_from_bytes
@@ -300,17 +301,16 @@ async def inspections(
     limit: Limit = 50,
 ) -> Response:
     """All inspections, newest first; cheap to poll with If-None-Match."""
-    page = await in_thread(
-        service.store.inspections,
-        product_id=product_id,
-        verdict=verdict,
-        state=state,
-        source=source,
-        after=after,
-        limit=limit,
-    )
-    items = [told(each, service, profile) for each in page.items]
-    return tagged(request, InspectionPage(items=items, next=page.next))
+
+    def read() -> bytes:
+        page = service.store.inspections(
+            product_id=product_id, verdict=verdict, state=state, source=source, after=after, limit=limit
+        )
+        items = [told(each, service, profile) for each in page.items]
+        return InspectionPage(items=items, next=page.next).model_dump_json().encode()
+
+    shared: Shared = request.app.state.shared
+    return tagged(request, await shared.get(request.url.query, read))
 
 
 @router.get("/{inspection_id}", response_model=Inspection, responses=problems(404))

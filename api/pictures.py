@@ -14,14 +14,11 @@ from pydantic import BaseModel
 from api.deps import Id, ServiceDep, Viewer, has_already, in_thread, problems, tagged
 from inspector.picture_headers import kind_of
 from inspector.result_json import frame_record
-from inspector.service.running import Shown
 from models.frame import EncodedPicture
 
 router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
 Kind = Literal["frame", "expected", "seen", "difference"]
 Index = Annotated[int, Path(ge=0, le=10**6, description="Counts the frames of the inspection from 0.")]
-MOST = 12
-"""Regions that a header tells."""
 FOREVER = {"Cache-Control": "private, max-age=86400, immutable", "Vary": "Authorization"}
 
 
@@ -63,7 +60,7 @@ async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: 
     """The picture of a running inspection that was scored last; cheap to poll with If-None-Match.
 
     `Frame-Index`, `Frame-Sequence` and, as JSON by the names of a result, `Frame-Scored` tell of it; of its regions
-    the highest 12. How often to ask, the event `station` says.
+    the highest 12. Who watches many rather listens to events with `pictures`.
     """
     running = service.inspections.find(inspection_id)
     last = running.shown if running is not None else None
@@ -75,8 +72,9 @@ async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: 
     headers = {"ETag": tag, "Cache-Control": "private, no-cache", "Frame-Sequence": str(last.sequence)}
     if has_already(request, tag):
         return Response(None, 304, headers)
-    received = bytes(last.picture)
-    return Response(received, 200, headers | _told(last), f"image/{kind_of(received)}")
+    received, scored = bytes(last.picture), last.scored
+    told = {"Frame-Index": str(scored["index"]), "Frame-Scored": json.dumps(scored, separators=(",", ":"))}
+    return Response(received, 200, headers | told, f"image/{kind_of(received)}")
 
 
 @router.get("/{inspection_id}/frames/{index}", response_model=FrameOut, responses=problems(404, 409))
@@ -110,11 +108,3 @@ def shown(request: Request, picture: EncodedPicture, name: str, told: Mapping[st
     if has_already(request, headers["ETag"]):
         return Response(None, 304, headers)
     return Response(picture.data, 200, headers, f"image/{picture.format}")
-
-
-def _told(last: Shown) -> dict[str, str]:
-    """Box and picture are of one frame, whatever comes meanwhile."""
-    scored = json.loads(last.scored)
-    del scored["kind"], scored["sequence"]
-    scored["regions"] = sorted(scored["regions"], key=lambda region: -region["score"])[:MOST]
-    return {"Frame-Index": str(scored["index"]), "Frame-Scored": json.dumps(scored, separators=(",", ":"))}

@@ -31,6 +31,7 @@ APP = "api.app:create_app"
 GRACE_SECONDS = 20
 """How long the end may take: of the service, and then of the connections, a quarter of it."""
 BACKLOG = 256
+_SWITCH_SECONDS = 0.0005
 
 
 class AddressRefused(WorldError):
@@ -80,6 +81,8 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         # What is there now stays: to look through all of it for rubbish would hold up frames for a tenth of a second.
         gc.freeze()
+        # A thread that reads a list may hold the interpreter no longer than that while a frame waits.
+        sys.setswitchinterval(_SWITCH_SECONDS)
         self._on_ready()
         token = await asyncio.to_thread(self._service.access.make_first)
         if token is not None:

@@ -1,5 +1,7 @@
 """What happens, as it happens, for any number of listeners: a bounded memory that each reads at its own pace.
 
+Pictures are told beside it, to those who ask: only the latest of each inspection, and none is remembered.
+
 inspector.errors.WorldError
 └── TooManyListeners         more listeners than allowed
 """
@@ -8,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections import deque
+from collections import Counter, deque
 from collections.abc import AsyncIterator, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -17,6 +19,8 @@ from uuid import uuid4
 from inspector.errors import WorldError
 
 _REMEMBERED = 4096
+EVERY = "every"
+"""Listeners may ask for the pictures of one inspection by its id, or of all of them by this."""
 _QUIET_SECONDS = 15.0
 """After so long without an event, listeners are told that nothing happened."""
 
@@ -33,7 +37,7 @@ class Event:
     """Something that happened."""
 
     id: str
-    """`boot-number`: where to go on after a broken connection."""
+    """`boot-number`: where to go on after a broken connection; empty for what is not told again."""
     kind: str
     data: str
     """JSON."""
@@ -50,8 +54,12 @@ class Events:
         self.listeners = 0
         self._max = max_listeners
         self._boot = uuid4().hex[:8]
-        self._next = 0
+        self._next = self._untold = 0
         self._events: deque[Event] = deque(maxlen=remembered)
+        self._watching: Counter[str] = Counter()
+        """Listeners by whose pictures they asked for."""
+        self._pictures: dict[str, tuple[int, Event]] = {}
+        self._told_pictures = 0
         self._news = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closed = False
@@ -65,6 +73,15 @@ class Events:
         self._closed = True
         self._wake()
 
+    @property
+    def changes(self) -> int:
+        """Where it is the same as before, nothing has happened since."""
+        return self._next + self._untold
+
+    def changed(self) -> None:
+        """Something has changed of which no event tells."""
+        self._untold += 1
+
     def publish(self, kind: str, **facts: object) -> None:
         """Tell all listeners."""
         self._events.append(Event(f"{self._boot}-{self._next}", kind, json.dumps(facts, separators=(",", ":"))))
@@ -76,27 +93,49 @@ class Events:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(lambda: self.publish(kind, **facts))
 
+    @property
+    def last_id(self) -> str | None:
+        """Of the last event; None before the first."""
+        return f"{self._boot}-{self._next - 1}" if self._next else None
+
+    def watching(self, inspection_id: str) -> int:
+        """How many asked for its pictures."""
+        return self._watching[inspection_id] + self._watching[EVERY]
+
+    def show(self, inspection_id: str, data: str) -> None:
+        """Tell an inspection's latest picture; who has not read the one before will not see that."""
+        self._told_pictures += 1
+        self._pictures[inspection_id] = (self._told_pictures, Event("", "picture", data))
+        self._wake()
+
+    def forget(self, inspection_id: str) -> None:
+        """There will be no more pictures of it."""
+        self._pictures.pop(inspection_id, None)
+
     def check_room(self) -> None:
         """Raises TooManyListeners where there is no room for one more."""
         if self.listeners >= self._max:
             raise TooManyListeners(self._max)
 
     @contextmanager
-    def listening(self) -> Generator[None]:
-        """One listener more, while this lasts. Raises TooManyListeners."""
+    def listening(self, pictures: str | None = None) -> Generator[None]:
+        """One listener more, while this lasts, to pictures too where it is said whose. Raises TooManyListeners."""
         self.check_room()
         self.listeners += 1
+        self._watching[pictures or ""] += 1
         try:
             yield
         finally:
             self.listeners -= 1
+            self._watching[pictures or ""] -= 1
 
-    async def since(self, last_id: str | None) -> AsyncIterator[tuple[Event, ...]]:
+    async def since(self, last_id: str | None, pictures: str | None = None) -> AsyncIterator[tuple[Event, ...]]:
         """What was told after that id, then what is told from now on, as many at a time as there are.
 
         Without an id only the latter. An empty batch where nothing happened for a while.
         """
         at, known = self._place(last_id)
+        seen = self._told_pictures
         if not known:
             yield (Event(f"{self._boot}-{at - 1}", "missed", json.dumps({"last_id": last_id})),)
         while not self._closed:
@@ -105,10 +144,16 @@ class Events:
             if at < oldest:
                 yield (Event(f"{self._boot}-{oldest - 1}", "missed", json.dumps({"count": oldest - at})),)
                 at = oldest
-            elif at < self._next:
+            elif at < self._next or seen < self._told_pictures:
                 batch = tuple(self._events[i] for i in range(at - self._next, 0))
-                at = self._next
-                yield batch
+                fresh = [
+                    event
+                    for inspection_id, (number, event) in self._pictures.items()
+                    if number > seen and pictures in (EVERY, inspection_id)
+                ]
+                at, seen = self._next, self._told_pictures
+                if batch or fresh:
+                    yield (*batch, *fresh)
             else:
                 with suppress(TimeoutError):
                     await asyncio.wait_for(news.wait(), _QUIET_SECONDS)

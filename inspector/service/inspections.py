@@ -18,7 +18,7 @@ from inspector.scorers.pool import Pool
 from inspector.service.errors import AtCapacity, NoRecipe, NotOpen, Stopping
 from inspector.service.events import Events
 from inspector.service.folder import DataFolder, new_id
-from inspector.service.load import pictures_per_second
+from inspector.service.load import Ration, Turns
 from inspector.service.metrics import Metrics
 from inspector.service.running import Around, Bounds, Ended, Running
 from inspector.stores.base import AbstractStore, AlreadyConcluded
@@ -57,6 +57,7 @@ class Inspections:
         self._running: dict[str, Running] = {}
         self._ended: OrderedDict[str, Running] = OrderedDict()
         self._beginning = 0
+        self._turns = Turns()
         self._tasks: set[asyncio.Task[Any]] = set()
         self._log = structlog.get_logger("inspector")
 
@@ -100,13 +101,17 @@ class Inspections:
     @property
     def station(self) -> dict[str, object]:
         """What the event `station` tells."""
-        rate = pictures_per_second(self._events.listeners, len(self._running))
-        return {"state": self.state, "running": len(self._running), "pictures_per_second": rate}
+        return {"state": self.state, "running": len(self._running)}
 
     @property
     def running(self) -> tuple[Running, ...]:
         """Those in processing."""
         return tuple(self._running.values())
+
+    async def make_way(self) -> None:
+        """For a request that only reads: frames go first."""
+        if self._running:
+            await self._turns.wait()
 
     def find(self, inspection_id: str) -> Running | None:
         """The inspection, if it runs, or ended a short while ago."""
@@ -318,12 +323,16 @@ class Inspections:
                         await self._end(running, reason=f"no frame came for {self._idle_seconds:g} s")
 
     async def _tell(self) -> None:
-        """A few times a second: the latest scores for dashboards, and how the station is when that changes."""
+        """A few times a second: the latest scores and pictures, and how the station is when that changes."""
         station: dict[str, object] = {}
+        ration = Ration()
         while True:
             await asyncio.sleep(_BRIEF_SECONDS)
-            for running in self._running.values():
+            ration.refill(_BRIEF_SECONDS)
+            # Whose picture was not told for longest comes first.
+            for running in sorted(self._running.values(), key=lambda each: each.shown_at):
                 running.tell_briefs()
+                running.tell_picture(ration)
             if station != (station := self.station):
                 self._events.publish("station", **station)
 

@@ -1,11 +1,16 @@
-"""Load: how much of a scorer's time an inspection needs, and how often dashboards may ask for its picture."""
+"""Load: how much of a scorer's time an inspection needs, and how those who only look leave room for frames."""
 
 from __future__ import annotations
 
+import asyncio
+
 _SEARCHING = 10
-_PICTURES = 40.0
-"""A second, for all dashboards together: each costs the event loop a third of a millisecond or so."""
-_OFTEN, _SELDOM = 4.0, 0.2
+_PICTURES = 80.0
+"""A second, for all who watch together."""
+_USUAL_BYTES = 1 << 16
+"""A larger picture counts as several."""
+_APART = 0.005
+"""Seconds between two requests that only read, while parts are inspected: twenty at once would hold up frames."""
 
 
 class Load:
@@ -37,14 +42,37 @@ class Load:
             self._work = _mean(self._work, seconds)
 
 
-def pictures_per_second(listeners: int, running: int) -> float:
-    """How often each of so many listeners may ask for the latest picture of each running inspection.
+class Turns:
+    """Requests that only read take turns, so that frames find room between any two of them."""
 
-    >>> pictures_per_second(1, 1), pictures_per_second(20, 1), pictures_per_second(20, 4), pictures_per_second(64, 16)
-    (4.0, 2.0, 0.5, 0.2)
-    """
-    asking = max(1, listeners) * max(1, running)
-    return round(min(_OFTEN, max(_SELDOM, _PICTURES / asking)), 3)
+    def __init__(self) -> None:
+        self._next = 0.0
+
+    async def wait(self) -> None:
+        """Come back when it is this one's turn: at once, or so long after the one before."""
+        now = asyncio.get_running_loop().time()
+        mine = max(now, self._next)
+        self._next = mine + _APART
+        if mine > now:
+            await asyncio.sleep(mine - now)
+
+
+class Ration:
+    """How many pictures may be told: so many a second for all who watch together, whatever they watch."""
+
+    def __init__(self) -> None:
+        self._left = 0.0
+
+    def refill(self, seconds: float) -> None:
+        """So much time has gone by."""
+        self._left = min(self._left + _PICTURES * seconds, _PICTURES * seconds)
+
+    def take(self, watching: int, size: int) -> bool:
+        """Whether a picture of so many bytes may be told to so many now; it may leave a debt for later ones."""
+        if watching == 0 or self._left <= 0:
+            return False
+        self._left -= watching * max(1.0, size / _USUAL_BYTES)
+        return True
 
 
 def _mean(so_far: float, value: float) -> float:

@@ -5,20 +5,23 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from base64 import b64encode
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from inspector.picture_headers import kind_of
 from inspector.protocol import SentFrame
 from inspector.scorers.pool import Scorer
 from inspector.scorers.wire import Head
 from inspector.service.errors import Busy, NotOpen, OutOfOrder, ScorerLost, TooManyFrames
 from inspector.service.events import Events
-from inspector.service.load import Load
+from inspector.service.load import Load, Ration
 from inspector.service.metrics import Metrics
 
 Phase = Literal["open", "ending", "unsaved", "ended"]
 Outcome = Literal["taken", "dropped", "duplicate"]
+_MOST_REGIONS = 12
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,21 @@ class Shown:
     sequence: int
     picture: bytes | memoryview
     """Exactly as it was received."""
-    scored: bytes
+    message: bytes
     """Its `scored` message."""
+
+    @property
+    def scored(self) -> dict[str, Any]:
+        """What was said of it, by the names of a result; of its regions the highest 12."""
+        said = _parsed(self.message)
+        del said["sequence"]
+        return said | {"regions": sorted(said["regions"], key=lambda each: -each["score"])[:_MOST_REGIONS]}
+
+    def to_json(self, facts: Mapping[str, str]) -> str:
+        """The event `picture`."""
+        picture = b64encode(self.picture).decode()
+        kind = f"image/{kind_of(bytes(self.picture[:16]))}"
+        return _json({**facts, "type": kind, "scored": self.scored, "picture": picture}).decode()
 
 
 @dataclass(frozen=True)
@@ -94,6 +110,9 @@ class Running:
         """The sequence that an Idempotency-Key was used for."""
         self.shown: Shown | None = None
         """None before the first, and after the end."""
+        self._shown_last: Shown | None = None
+        self.shown_at = 0.0
+        """When a picture was told, by the clock of `since`."""
         self._received: dict[int, float] = {}
         self._pictures: dict[int, bytes | memoryview] = {}
         """Of frames that have no answer yet: those that wait are held for the scorer already."""
@@ -182,6 +201,7 @@ class Running:
         """The last message; the scorer knows nothing of it any more."""
         self.phase = "ended"
         self.shown = None
+        self._around.events.forget(self.inspection_id)
         self.scorer.forget(self.inspection_id)
         said = b'{"kind":%b,"reason":%b,"result":%b}' % (_json(kind), _json(reason), full or b"null")
         self._log(said)
@@ -191,6 +211,14 @@ class Running:
         if self._briefs or self._dropped:
             frames, dropped, self._briefs, self._dropped = self._briefs, self._dropped, [], 0
             self._around.events.publish("scores", **self._names(), frames=frames, dropped=dropped, lost=self.lost)
+
+    def tell_picture(self, ration: Ration) -> None:
+        """The latest picture for those who watch, where there is a new one and it may be told now."""
+        if (shown := self.shown) is None or shown is self._shown_last:
+            return
+        if ration.take(self._around.events.watching(self.inspection_id), len(shown.picture)):
+            self._shown_last, self.shown_at = shown, time.monotonic()
+            self._around.events.show(self.inspection_id, shown.to_json(self._names()))
 
     # What the scorer says.
 

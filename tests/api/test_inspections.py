@@ -256,13 +256,6 @@ def test_the_latest_picture_is_the_one_that_was_scored_last(client: TestClient):
     assert client.get(path).status_code == 204
 
 
-def test_the_station_says_how_often_its_pictures_may_be_asked_for(client: TestClient, service: Service):
-    inspection = begin(client)
-    running = len(service.inspections.running)
-    assert service.inspections.station == {"state": "inspecting", "running": running, "pictures_per_second": 4.0}
-    client.post(f"/v1/inspections/{inspection}/abort")
-
-
 def test_boxes_of_the_latest_picture_are_its_own(client: TestClient):
     inspection = begin(client)
     for frame in frames():

@@ -2,9 +2,9 @@
 
 Run by hand, on an otherwise idle machine: python -m tests.benchmarks.watching [--dashboards 20] [--streams 8]
 
-The cameras of `streaming.py`, with and without dashboards, in turns. A dashboard does what the page does: it listens to
-events and fetches the latest picture of every running inspection, as often as the service allows. All dashboards are
-one process; what browsers need to draw is not the service's, and not counted.
+The cameras of `streaming.py`, with and without dashboards, in turns. A dashboard does what the line view does: it
+listens to events, with the pictures of every running inspection. All dashboards are one process on the same cores; what
+browsers need to draw is not the service's, and not counted.
 """
 
 from __future__ import annotations
@@ -26,51 +26,19 @@ import httpx2
 from tests.benchmarks.streaming import PATIENCE, cameras_apart, prepare, served, teach
 
 
-class Dashboard:
-    """One open page."""
-
-    def __init__(self, http: httpx2.AsyncClient) -> None:
-        self.events = self.pictures = 0
-        self._http = http
-        self._running: set[str] = set()
-        self._rate = 1.0
-
-    async def watch(self) -> None:
-        async with asyncio.TaskGroup() as group:
-            group.create_task(self._listen())
-            group.create_task(self._look())
-
-    async def _listen(self) -> None:
-        kind = ""
-        async with self._http.stream("GET", "/v1/events", timeout=None) as answer:
-            async for line in answer.aiter_lines():
-                name, _, value = line.partition(": ")
-                if name == "event":
-                    kind = value
-                elif name == "data":
-                    self._hear(kind, json.loads(value))
-
-    def _hear(self, kind: str, data: dict[str, object]) -> None:
-        self.events += 1
-        if kind == "station" and isinstance(rate := data.get("pictures_per_second"), int | float):
-            self._rate = float(rate)
-        if kind == "begun":
-            self._running.add(str(data["inspection_id"]))
-        if kind in ("verdict", "aborted"):
-            self._running.discard(str(data["inspection_id"]))
-
-    async def _look(self) -> None:
-        while True:
-            for inspection in [*self._running]:
-                self.pictures += (await self._http.get(f"/v1/inspections/{inspection}/picture")).status_code == 200
-            await asyncio.sleep(1 / self._rate)
+async def dashboard(http: httpx2.AsyncClient) -> None:
+    """One open page: it listens, and reads what it is told."""
+    async with http.stream("GET", "/v1/events?pictures=every", timeout=None) as answer:
+        async for line in answer.aiter_lines():
+            if line.startswith("data: "):
+                json.loads(line.removeprefix("data: "))
 
 
 async def watch(url: str, count: int) -> None:
     """So many dashboards, until this process is ended."""
     limits = httpx2.Limits(max_connections=None)
     async with httpx2.AsyncClient(base_url=url, timeout=PATIENCE, limits=limits) as http:
-        await asyncio.gather(*(Dashboard(http).watch() for _ in range(count)))
+        await asyncio.gather(*(dashboard(http) for _ in range(count)))
 
 
 @contextmanager

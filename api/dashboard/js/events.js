@@ -7,10 +7,14 @@ const FIRST_WAIT_MS = 250;
 const LONGEST_WAIT_MS = 4_000;
 const HIDDEN_MS = 60_000;
 
+/** Why a connection is ended that only asks for something else. */
+const TURN = "turn";
+
 const listeners = new Map();
 let lastId = null;
 let stop = null;
 let wait = FIRST_WAIT_MS;
+let watched = null;
 
 export const events = {
   /** connecting, live, reconnecting */
@@ -29,6 +33,12 @@ export const events = {
   start() {
     document.addEventListener("visibilitychange", watchHidden);
     follow();
+  },
+  /** `picture` events of `every` running inspection, of the one with that id, or of none (null). */
+  watch(pictures) {
+    if (pictures === watched) return;
+    watched = pictures;
+    stop?.abort(TURN);
   },
   /** At once, not after the wait. */
   retry() {
@@ -64,6 +74,8 @@ async function follow() {
       await listen(stop.signal);
       become("reconnecting");
     } catch (error) {
+      // It goes on at once, where it broke off.
+      if (stop.signal.reason === TURN) continue;
       become("reconnecting", error.name === "AbortError" ? null : error);
     }
     if (hidden) continue;
@@ -83,7 +95,8 @@ function pause(ms) {
 
 async function listen(signal) {
   const from = lastId;
-  const response = await ask("/v1/events", { signal, headers: from === null ? {} : { "Last-Event-ID": from } });
+  const asked = watched === null ? "/v1/events" : `/v1/events?pictures=${encodeURIComponent(watched)}`;
+  const response = await ask(asked, { signal, headers: from === null ? {} : { "Last-Event-ID": from } });
   wait = FIRST_WAIT_MS;
   become("live");
   // Without an id to go on from, what happened meanwhile is not told again.

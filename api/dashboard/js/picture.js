@@ -6,6 +6,11 @@ const BRIGHT = { colour: "#ff9320", dash: [], mark: sun };
 const DARK = { colour: "#3d8bff", dash: [7, 4], mark: moon };
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
+/** The picture of an event `picture`. */
+export function blobOf({ type, picture }) {
+  return new Blob([Uint8Array.from(atob(picture), (each) => each.charCodeAt(0))], { type });
+}
+
 /**
  * A canvas in `root` that shows a picture as large as fits.
  *

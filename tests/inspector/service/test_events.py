@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from inspector.service.events import Event, Events, TooManyListeners
+from inspector.service.events import EVERY, Event, Events, TooManyListeners
 
 
 async def take(events: Events, last_id: str | None, count: int) -> list[Event]:
@@ -106,3 +106,34 @@ def test_they_end_when_the_service_does():
         return await listening
 
     assert run(work()) == 0
+
+
+@pytest.mark.parametrize(("asked", "told"), [(EVERY, ["a2", "b1"]), ("b", ["b1"]), ("c", []), (None, [])])
+def test_pictures_are_told_to_who_asked_for_them_and_only_the_latest(asked: str | None, told: list[str]):
+    async def work() -> tuple[list[Event], int]:
+        events = Events()
+        heard: list[Event] = []
+
+        async def listen() -> None:
+            with events.listening(asked):
+                async for batch in events.since(None, asked):
+                    heard.extend(batch)
+
+        listening = asyncio.create_task(listen())
+        await asyncio.sleep(0)
+        watching = events.watching("b")
+        for inspection, data in (("a", "a1"), ("a", "a2"), ("gone", "g1"), ("b", "b1")):
+            events.show(inspection, data)
+        events.forget("gone")
+        await asyncio.sleep(0.01)
+        events.publish("it")
+        await asyncio.sleep(0.01)
+        events.close()
+        await listening
+        return heard, watching
+
+    heard, watching = run(work())
+    assert sorted(each.data for each in heard if each.kind == "picture") == told
+    assert [each.kind for each in heard].count("it") == 1
+    assert all(each.id == "" for each in heard if each.kind == "picture")
+    assert watching == (asked in (EVERY, "b"))

@@ -12,7 +12,7 @@ import { table } from "../table.js";
 import { watched } from "../watched.js";
 
 const PAGE = 5000; // frames asked for at once
-const OFTEN_MS = 250;
+const OFTEN_MS = 500;
 
 export const title = (params) => `Inspection ${params.id.slice(0, 8)}`;
 
@@ -180,7 +180,7 @@ export async function show(root, params, app) {
     await read();
     if (!pictures || pictures.live === ended) {
       pictures?.close();
-      pictures = ended ? panes({ inspection: params.id, shelf }) : watched({ path, events, begun: () => sweep.length > 0 });
+      pictures = ended ? panes({ inspection: params.id, shelf }) : watched({ inspection: params.id, events });
       replace(at.pictures, pictures.root);
     }
     replace(at.reasons, h("ul", { class: "reasons" }, (result?.reasons ?? []).map((each) => h("li", {}, each))));
@@ -189,7 +189,7 @@ export async function show(root, params, app) {
 
   const tell = (error) => error.name !== "AbortError" && replace(problem, error.detail ?? String(error));
   let asked = null;
-  /** While it runs: as often as the station says that may be asked. */
+  /** While it runs. */
   function soon() {
     asked ??= setTimeout(async () => {
       try {
@@ -198,7 +198,7 @@ export async function show(root, params, app) {
         tell(error);
       }
       asked = null;
-    }, Math.max(OFTEN_MS, 1000 / (events.station.pictures_per_second ?? 4)));
+    }, OFTEN_MS);
   }
   const mine = (fn) => (data) => data.inspection_id === params.id && fn(data);
   const again = () => load().catch(tell);

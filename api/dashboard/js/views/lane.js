@@ -2,7 +2,7 @@
 
 import { chart } from "../chart.js";
 import { atFrame, fixed, h, percent, replace, verdict } from "../dom.js";
-import { picture } from "../picture.js";
+import { blobOf, picture } from "../picture.js";
 
 const QUIET_MS = 4000;
 const CHART_PX = 150;
@@ -22,7 +22,6 @@ export function lane(root, app) {
   let live = null;
   let asked = 0;
   let closed = false;
-  let frame = null;
   let called = null;
 
   const name = h("a", { class: "lane-name" });
@@ -107,35 +106,17 @@ export function lane(root, app) {
     seen.title = "Seen so far, along the sweep";
   }
 
-  /** The latest picture of what runs, and again after as long as the station says. */
-  async function watch() {
+  /** The latest picture of what runs. */
+  async function see(data) {
+    if (!live.running || document.hidden) return;
     const mine = ++asked;
-    let tag = null;
-    while (mine === asked && !closed) {
-      if (live.running && live.frames > 0 && !document.hidden && app.events.state === "live") {
-        try {
-          const response = await app.api.ask(`/v1/inspections/${live.id}/picture`);
-          if (mine !== asked || closed) return;
-          // 204: no frame was scored yet, or it has ended.
-          if (response.status === 200 && response.headers.get("ETag") !== tag) {
-            tag = response.headers.get("ETag");
-            await showLive(response, mine);
-          }
-        } catch {
-          // It ended meanwhile, or the service is away: events tell.
-        }
-      }
-      await new Promise((done) => setTimeout(done, 1000 / (app.events.station.pictures_per_second ?? 2)));
+    try {
+      await view.show(blobOf(data));
+    } catch {
+      caption.textContent = `Frame ${data.scored.index}: browsers do not show ${data.type}`;
+      return;
     }
-  }
-
-  async function showLive(response, mine) {
-    const scored = JSON.parse(response.headers.get("Frame-Scored"));
-    const body = await response.blob();
-    if (mine !== asked || closed || !live.running) return;
-    frame = scored;
-    await view.show(body);
-    tellFrame(scored);
+    if (mine === asked && !closed && live.running) tellFrame(data.scored);
   }
 
   /** The frame that tells most: the peak of what was found, or of the score. */
@@ -147,9 +128,8 @@ export function lane(root, app) {
     try {
       const body = await app.api.blob(`/v1/inspections/${live.id}/frames/${index}/pictures/frame`);
       if (mine !== asked || closed) return;
-      frame = { index, s: live.s[index], regions: worst?.regions ?? [] };
       await view.show(body);
-      tellFrame(frame);
+      tellFrame({ index, s: live.s[index], regions: worst?.regions ?? [] });
     } catch {
       // The recording is not there: the last picture stays.
     }
@@ -168,6 +148,7 @@ export function lane(root, app) {
 
   return {
     node,
+    see,
     get live() {
       return live;
     },
@@ -175,14 +156,13 @@ export function lane(root, app) {
     take(other) {
       const same = live?.facts.product_id === other.facts.product_id;
       live = other;
-      frame = null;
       view.boxes([]);
       if (!same) view.clear();
       caption.textContent = "No picture yet";
       view.describe("No picture yet");
       draw();
-      if (live.running) watch();
-      else showWhy();
+      asked++;
+      if (!live.running) showWhy();
     },
     /** More is known of it. */
     update: draw,

@@ -242,6 +242,7 @@ export async function show(root, params, app) {
     events.on("deviation_opened", of((live, { deviation }) => live.deviate(deviation, true))),
     events.on("deviation_closed", of((live, { deviation }) => live.deviate(deviation))),
     events.on("early_ng", of((live, facts) => (live.early = facts))),
+    events.on("picture", (data) => shown.find((each) => each.live.id === data.inspection_id)?.see(data)),
     events.on("verdict", ended),
     events.on("aborted", ended),
     events.on("reload", reload),
@@ -251,7 +252,9 @@ export async function show(root, params, app) {
   // How long nothing came is told, too, where nothing comes.
   const ticking = setInterval(() => shown.forEach((each) => each.live.running && each.update()), 1000);
 
+  events.watch("every");
   const close = () => {
+    events.watch(null);
     clearInterval(ticking);
     offs.forEach((off) => off());
     shown.forEach((each) => each.close());
