@@ -16,15 +16,18 @@ from inspector.cli.demo import demo
 from inspector.cli.detectability import detectability
 from inspector.cli.evaluate import evaluate
 from inspector.cli.learn import learn
+from inspector.cli.locate import locate
 from inspector.cli.push import push
 from inspector.cli.record import record
 from inspector.cli.replay import replay
 from inspector.cli.serve import serve
+from inspector.cli.workspace import workspace
 from models.errors import InspectionError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-for command in (record, learn, replay, evaluate, detectability, demo, serve, push):
+for command in (record, learn, replay, evaluate, detectability, demo, serve, push, locate):
     app.command()(command)
+app.add_typer(workspace, name="workspace")
 
 
 def _version(wanted: bool) -> None:

@@ -27,7 +27,7 @@ from tests.inspector.conftest import Line
 from tests.inspector.line import SPOT, cut, url
 
 Captured = pytest.CaptureFixture[str]
-COMMANDS = ("record", "learn", "replay", "evaluate", "detectability", "demo", "serve", "push")
+COMMANDS = ("record", "learn", "replay", "evaluate", "detectability", "demo", "serve", "push", "locate")
 
 
 def told(capsys: Captured, *arguments: object) -> tuple[int, str, str]:
@@ -257,9 +257,9 @@ def test_an_interrupt_elsewhere_is_130_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [*COMMANDS, "workspace learn"])
 def test_every_command_has_help_with_an_example(command: str, capsys: Captured) -> None:
-    code, out, err = told(capsys, command, "--help")
+    code, out, err = told(capsys, *command.split(), "--help")
     assert (code, err) == (0, "")
     assert f"Example: inspector {command}" in out
 

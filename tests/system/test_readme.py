@@ -23,7 +23,8 @@ from inspector.replay import replay
 from tests.inspector.line import SPOT, recorded
 from tests.system.repository import ROOT, blocks, texts
 
-BEFORE, SERVICE = texts()["README.md"].split("\n## As a service\n")
+BEFORE, AFTER = texts()["README.md"].split("\n## As a service\n")
+SERVICE, PLACES = AFTER.split("\n## Where is it, which is it\n")
 BLOCKS = blocks(BEFORE)
 WALK = [
     line for block in BLOCKS[2:] for line in block.replace("\\\n", " ").splitlines() if line.startswith("inspector ")
@@ -95,6 +96,15 @@ def test_the_round_with_the_service_runs_as_it_is_written(tmp_path: Path) -> Non
     assert [each["index"] for each in scored] == list(range(len(offline.frames)))
     recorded_there = replay(SweepReader(tmp_path / "part-0007-scored.mcap"), appearance)
     assert (recorded_there.result.digest, recorded_there.losses) == (offline.digest, ())
+
+
+def test_what_is_said_of_places_runs_as_it_is_written(tmp_path: Path) -> None:
+    script = "\n".join(blocks(PLACES))
+    command = ["bash", "-euo", "pipefail", "-c", script]
+    subprocess.run(command, cwd=tmp_path, env=_newcomer(tmp_path / "bin"), capture_output=True, text=True, check=True)
+    (located,) = json.loads((tmp_path / "places/located.json").read_text())
+    assert (located["object"], located["state"]) == ("plate", "known")
+    assert located["q"] == pytest.approx({"x_px": 4.2, "y_px": -7.5}, abs=0.15)
 
 
 def _newcomer(folder: Path) -> dict[str, str]:
