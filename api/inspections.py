@@ -296,6 +296,7 @@ async def inspections(
     verdict: Annotated[str | None, Query(pattern="^[A-Z]{1,16}$")] = None,
     state: InspectionState | None = None,
     source: InspectionSource | None = None,
+    part: Annotated[str | None, Query(pattern=PART, description="How `part_id` begins.")] = None,
     profile: Annotated[bool, Query(description="With the profile of each.")] = False,
     after: After = None,
     limit: Limit = 50,
@@ -304,7 +305,13 @@ async def inspections(
 
     def read() -> bytes:
         page = service.store.inspections(
-            product_id=product_id, verdict=verdict, state=state, source=source, after=after, limit=limit
+            product_id=product_id,
+            verdict=verdict,
+            state=state,
+            source=source,
+            part=part,
+            after=after,
+            limit=limit,
         )
         items = [told(each, service, profile) for each in page.items]
         return InspectionPage(items=items, next=page.next).model_dump_json().encode()

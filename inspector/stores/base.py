@@ -373,10 +373,11 @@ class AbstractStore(ABC):
         verdict: str | None = None,
         state: InspectionState | None = None,
         source: InspectionSource | None = None,
+        part: str | None = None,
         after: int | None = None,
         limit: int = 50,
     ) -> Page[StoredInspection]:
-        """All of them, or those that have what is given; `after` is a number."""
+        """All of them, or those that have what is given; `part` is how `part_id` begins, `after` a number."""
 
     @abstractmethod
     def scores(self, inspection_id: str) -> bytes | None:

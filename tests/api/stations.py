@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -123,6 +125,27 @@ def came_out(
         )  # fmt: skip
         found.append(inspection_id)
     return found
+
+
+def copied(data: Path, inspection_id: str, count: int) -> None:
+    """That inspection over and over, as parts 00001, 00002, …, every fiftieth NG: without scores and recordings."""
+    told = {
+        "inspection_id": "printf('copy%05d', k)",
+        "part_id": "printf('%05d', k)",
+        "verdict": "CASE WHEN k % 50 = 7 THEN 'NG' ELSE 'OK' END",
+        "begun_ns": "begun_ns + k",
+        "recording": "'none'",
+    }
+    with closing(sqlite3.connect(data / "service.sqlite", timeout=30)) as database, database:
+        known = [str(row[1]) for row in database.execute("PRAGMA table_info(inspections)")]
+        names = [name for name in known if name != "number"]
+        database.execute(
+            f"WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n WHERE k < {count}) "
+            f"INSERT INTO inspections ({', '.join(names)}) "
+            f"SELECT {', '.join(told.get(name, name) for name in names)} FROM inspections, n "
+            "WHERE inspection_id = ? ORDER BY k",
+            [inspection_id],
+        )
 
 
 def begin(client: TestClient, part: str = PART) -> str:

@@ -345,6 +345,16 @@ class StoreContract(ABC):
                 ask = partial(store.inspections, limit=limit, **filters)
                 assert wanted == list(all_pages(lambda after, ask=ask: ask(after=after)))
 
+    def test_parts_are_found_by_how_their_number_begins(self, store: AbstractStore) -> None:
+        learnt(store)
+        parts = ["A_1", "Ax1", "a_1", "A_", "B", "%", None]
+        for part in parts:
+            begin(store, f"of {part}", part_id=part)
+        for asked in ("A_", "A", "%", "a", "A_12", "Ü"):
+            found = [each.part_id for each in store.inspections(part=asked).items]
+            assert found == [each for each in reversed(parts) if each is not None and each.startswith(asked)]
+        assert len(store.inspections(product_id="plate", part="A", limit=2).items) == 2
+
     def test_what_comes_while_paging_moves_nothing(self, store: AbstractStore) -> None:
         for k in range(9):
             store.add_sweep(Sweep(f"s{k}", "plate", None, NOW, 1, 1, "", "camera"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import Connection, Row, insert, select, update
+from sqlalchemy import Connection, Row, func, insert, select, update
 
 from inspector.stores.base import AlreadyConcluded, NoSuchInspection, NoSuchRecipe, NotEnded, NothingToDecide
 from inspector.stores.records import (
@@ -162,6 +162,7 @@ class Inspections(Room):
         verdict: str | None = None,
         state: InspectionState | None = None,
         source: InspectionSource | None = None,
+        part: str | None = None,
         after: int | None = None,
         limit: int = 50,
     ) -> Page[StoredInspection]:
@@ -169,6 +170,9 @@ class Inspections(Room):
         query = select(INSPECTIONS).where(
             *(_COLUMN[name] == value for name, value in asked.items() if value is not None)
         )
+        if part is not None:
+            # LIKE would not tell the same letters apart in every database.
+            query = query.where(func.substr(_COLUMN.part_id, 1, len(part)) == part)
         with self._database.reading() as connection:
             return page(connection, query, StoredInspection, after, limit)
 
