@@ -55,7 +55,8 @@ export function picture(root, { label = "Picture", onDraw = null, overlay = null
     const unit = canvas.width / Math.max(canvas.clientWidth, 1);
     overlay?.(pen, scale);
     for (const rect of rects) hatch(pen, rect, scale, unit);
-    for (const box of boxes) outline(pen, box, scale, unit);
+    // What is written beside one is not hidden by the others.
+    for (const box of boxes.toSorted((one, other) => !!one.label - !!other.label)) outline(pen, box, scale, unit);
     const now = current();
     if (now) hatch(pen, now, scale, unit);
     if (cross && document.activeElement === canvas) target(pen, cross, scale, unit);

@@ -18,7 +18,7 @@ export function rejectPanel({ groups }) {
   const place = h("div", { class: "chart" });
   const cursor = h("p", { class: "note", role: "status" });
   const odd = groups.map((each, i) => ({ ...each, ...points[i], number: i + 1 })).filter((each) => each.out || each.run);
-  const usual = `${percent(mean, 1)} of ${groups.reduce((sum, each) => sum + each.parts, 0)} parts were rejected, in ${groups.length} groups.`;
+  const usual = `${percent(mean, 1)} of ${groups.reduce((sum, each) => sum + each.parts, 0)} parts were rejected, in ${groups.length} group${groups.length === 1 ? "" : "s"}.`;
   cursor.textContent = usual;
   const tell = (i) => {
     const [group, point] = [groups[i], points[i]];
@@ -51,7 +51,7 @@ export function rejectPanel({ groups }) {
 }
 
 function headline(odd, groups) {
-  if (groups < FEW) return h("p", { class: "headline" }, h("strong", {}, "Too few groups"), ` to tell chance from change: there are ${groups}.`);
+  if (groups < FEW) return h("p", { class: "headline" }, h("strong", {}, "Too few groups"), ` to tell chance from change: ${groups} so far, ${FEW} are needed.`);
   if (!odd.length) return h("p", { class: "headline", dataset: { odd: "0" } }, h("strong", {}, "Steady"), ": every group is within what chance does.");
   const beyond = odd.filter((each) => each.out);
   const last = odd.at(-1);
