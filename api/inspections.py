@@ -365,7 +365,7 @@ async def recording(inspection_id: Id, service: ServiceDep, who: Viewer) -> File
         raise NotConcluded(inspection_id, "recording")
     path = service.folder.inspection(inspection_id)
     if stored.recording != "kept" or not await in_thread(path.is_file):
-        raise RecordingGone(inspection_id, stored.recording_note)
+        raise RecordingGone(inspection_id, stored.recording, stored.recording_note)
     return FileResponse(path, media_type="application/octet-stream", filename=f"{inspection_id}.mcap")
 
 

@@ -218,6 +218,28 @@ async def reference(
     return shown(request, made.picture, str(made.place), told)
 
 
+@router.get(
+    "/{appearance_id}/ignored",
+    response_class=Response,
+    responses=problems(404, 500, 503) | picture_of("png"),
+)
+async def ignored(
+    *,
+    request: Request,
+    product_id: ProductId,
+    appearance_id: Id,
+    service: ServiceDep,
+    who: Viewer,
+    s: Annotated[float, Query(ge=0, le=1, description="Sweep coordinate.")] = 0.0,
+) -> Response:
+    """What was learnt not to be looked at, on the reference picture that is nearest to `s`, and of its size.
+
+    White is fixed in the picture, grey (128) excused on the part, black is looked at.
+    """
+    made = await service.jobs.shown(lambda: service.pictures.ignored(product_id, appearance_id, s))
+    return shown(request, made, f"ignored-{s}")
+
+
 @router.get("/{appearance_id}", response_model=AppearanceOut, responses=problems(404))
 async def appearance(
     request: Request, product_id: ProductId, appearance_id: Id, service: ServiceDep, who: Viewer

@@ -15,7 +15,10 @@ inspector.errors.WorldError
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from inspector.errors import WorldError
+from inspector.stores.records import RecordingState
 
 
 class AtCapacity(WorldError):
@@ -90,5 +93,14 @@ class NotConcluded(WorldError):
 class RecordingGone(WorldError):
     """A recording that is not there any more."""
 
-    def __init__(self, inspection_id: str, why: str | None) -> None:
-        super().__init__(f"there is no recording of inspection {inspection_id!r}: {why or 'no frame came'}")
+    _WHY: ClassVar[dict[RecordingState, str]] = {
+        "being written": "it is being written",
+        "kept": "its file is not where it was kept",
+        "none": "no frame came",
+        "removed": "it was removed",
+    }
+
+    def __init__(self, inspection_id: str, recording: RecordingState, note: str | None) -> None:
+        # What is noted of a kept one is what it lacks, not why it is gone.
+        why = self._WHY[recording] if recording == "kept" or not note else note
+        super().__init__(f"there is no recording of inspection {inspection_id!r}: {why}")

@@ -102,6 +102,11 @@ class Pictures:
         made = self._of_appearance("reference", product_id, appearance_id, s=s)
         return Reference(EncodedPicture(made["format"], b64decode(made["data"])), made["place"], made["s"])
 
+    def ignored(self, product_id: str, appearance_id: str, s: float) -> EncodedPicture:
+        """What is not looked at, on the reference picture nearest to s. Raises NoSuchAppearance, WorkFailed."""
+        made = self._of_appearance("ignored", product_id, appearance_id, s=s)
+        return EncodedPicture(made["format"], b64decode(made["data"]))
+
     def _of_appearance(self, task: str, product_id: str, appearance_id: str, **more: object) -> Json:
         self._store.appearance(product_id, appearance_id)
         path = str(self._folder.appearance(appearance_id))
@@ -139,12 +144,12 @@ class Pictures:
             path = self._folder.sweep(of)
             if path.exists():
                 return path, f"sweep {of}"
-            raise RecordingGone(stored.inspection_id, f"sweep {of} is not there any more")
+            raise RecordingGone(stored.inspection_id, "none", f"sweep {of} is not there any more")
         source = self._store.inspection(of) if kind == "inspection" else stored
         path = self._folder.inspection(source.inspection_id)
         if source.recording == "kept" and path.exists():
             return path, f"inspection {source.inspection_id}"
-        raise RecordingGone(source.inspection_id, source.recording_note)
+        raise RecordingGone(source.inspection_id, source.recording, source.recording_note)
 
     def _keep(self, key: Key, picture: EncodedPicture) -> None:
         with self._lock:

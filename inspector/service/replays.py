@@ -83,7 +83,7 @@ class Replays:
         path = self._folder.inspection(stored.inspection_id)
         if stored.recording == "kept" and path.exists():
             return path
-        raise RecordingGone(stored.inspection_id, stored.recording_note or f"it is {stored.recording}")
+        raise RecordingGone(stored.inspection_id, stored.recording, stored.recording_note)
 
     def replay(self, progress: Callable[[float], object], asked: Replay) -> StoredInspection:
         """The inspection that it became: simulated, of source `replay`, its scores stored. Raises WorkFailed."""

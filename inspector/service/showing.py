@@ -20,6 +20,7 @@ from models.appearance import Appearance
 from models.frame import EncodedPicture, Frame
 from models.inspection import Explanation, explain, out_of_tolerance
 from models.sampling import sampling
+from models.spread import ALL, unpack_cells
 from models.verdict import Policy, ScoredFrame
 
 _HELD_BYTES = 64 << 20
@@ -131,6 +132,24 @@ def reference(appearance: str, s: float) -> tuple[EncodedPicture, int, float]:
     place = learnt.key_at(s)
     data = learnt.pictures[int(np.searchsorted(learnt.keys, place))]
     return EncodedPicture(kind_of(data) or "jpeg", data), place, float(learnt.s[place])
+
+
+def ignored(appearance: str, s: float) -> EncodedPicture:
+    """What was learnt not to be looked at, on the reference picture there, as a PNG of its size.
+
+    255 fixed in the picture, byte for byte as the mask that was given; 128 excused on the part; 0 elsewhere.
+    """
+    learnt = load_cached(appearance)
+    width, height = learnt.size
+    shown = np.zeros((height, width), np.uint8)
+    tolerance = learnt.tolerance[int(np.searchsorted(learnt.keys, learnt.key_at(s)))]
+    if tolerance:
+        excused = np.all(unpack_cells(tolerance, learnt.references.cells) >= ALL, axis=2)
+        cell = learnt.references.cell
+        shown[np.kron(excused, np.ones((cell, cell), bool))[:height, :width]] = 128
+    if (mask := learnt.preparation.ignore) is not None:
+        shown[mask] = 255
+    return encode_png(shown)
 
 
 def _as_recorded(kept: Kept) -> EncodedPicture:

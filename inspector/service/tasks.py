@@ -9,6 +9,7 @@ inspector.errors.RecordingError
 from __future__ import annotations
 
 import hashlib
+import json
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -113,8 +114,10 @@ def excuse(progress: Progress, *, of: str, regions: Sequence[Mapping[str, float]
         region[y : y + down, x : x + across] = True
         learnt = excused(learnt, old.key_at(float(each["s"])), region)
         progress(number / len(regions))
+    before: list[Json] = json.loads(old.facts.get("excused", "[]"))
     count = int(old.facts.get("excused_regions", "0")) + len(regions)
-    facts = {**old.facts, "excused_from": old.id, "excused_regions": str(count)}
+    said = {"excused_regions": str(count), "excused": json.dumps([*before, *regions], separators=(",", ":"))}
+    facts = {**old.facts, "excused_from": old.id, **said}
     learnt = replace(learnt, facts=facts)
     write_new(Path(appearance), learnt.to_bytes())
     return _learnt(learnt, appearance, [])
@@ -241,6 +244,12 @@ def reference(progress: Progress, *, appearance: str, s: float) -> Json:
     return {"format": picture.format, "data": b64encode(picture.data).decode(), "place": place, "s": round(at, 6)}
 
 
+def ignored(progress: Progress, *, appearance: str, s: float) -> Json:
+    """What was learnt not to be looked at there: `format` and `data`."""
+    picture = showing.ignored(appearance, s)
+    return {"format": picture.format, "data": b64encode(picture.data).decode()}
+
+
 def drift(progress: Progress, *, profiles: Sequence[Sequence[float | None]]) -> Json:
     """Where and since when the profiles of parts, oldest first, moved; the medians before and after."""
     known = np.array(profiles, np.float64)
@@ -272,4 +281,5 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "drift": drift,
     "sampling": sampling,
     "reference": reference,
+    "ignored": ignored,
 }

@@ -17,11 +17,12 @@ from fastapi.testclient import TestClient
 
 from api.app import create_app
 from inspector.learner import add_recordings, learn_recordings, load_appearance
-from inspector.pictures import encode_png
+from inspector.pictures import decode, encode_png
 from inspector.policies import PolicyFile
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from inspector.settings import read_settings
+from models.frame import EncodedPicture
 from models.verdict import Policy
 from tests.api.stations import BAD, GOOD, LINE, feed, material, sweep
 from tests.inspector.line import cut, recorded
@@ -409,6 +410,13 @@ def judged_by(client: TestClient, appearance: str, inspection: str) -> str:
     return client.post("/v1/replays", json=asked).json()["verdict"]
 
 
+def ignored(client: TestClient, appearance: str, s: float) -> np.ndarray:
+    """What is not looked at there: 255 fixed in the picture, 128 on the part."""
+    answer = client.get(f"/v1/products/plate/appearances/{appearance}/ignored?s={s}")
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "image/png")
+    return decode(EncodedPicture("png", answer.content))
+
+
 def test_a_mask_is_as_on_the_command_line_and_silences_what_passes_under_it(
     client: TestClient, golden: str, inspected: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -423,6 +431,8 @@ def test_a_mask_is_as_on_the_command_line_and_silences_what_passes_under_it(
         np.mean(mask > 0), abs=1e-3
     )
     assert judged_by(client, made, inspected["inspection_id"]) == "OK"
+    for s in (0, 0.4):
+        assert np.array_equal(ignored(client, made, s), mask)
     request = client.get("/v1/jobs?limit=1").json()["items"][0]["request"]
     assert request == {"sweep_ids": [golden], "ignore": "sha256:" + hashlib.sha256(png).hexdigest()}
 
@@ -451,5 +461,16 @@ def test_a_region_of_the_part_is_excused_wherever_it_is_seen(
     assert told["sweep_ids"] == client.get(f"/v1/products/plate/appearances/{appearance}").json()["sweep_ids"]
     assert judged_by(client, appearance, inspected["inspection_id"]) == "NG"
     assert judged_by(client, made, inspected["inspection_id"]) == "OK"
+    (kept,) = json.loads(told["facts"]["excused"])
+    assert kept == {"s": frame["s"], **low, **size}
+    shown = ignored(client, made, frame["s"])
+    x, y = low["x"] + size["width"] // 2, low["y"] + size["height"] // 2
+    assert (shown.shape, shown[y, x], set(np.unique(shown).tolist())) == ((180, 240), 128, {0, 128})
+    assert 1 <= np.count_nonzero(shown) / (size["width"] * size["height"]) < 4
+    # It moves with the part.
+    later = ignored(client, made, frame["s"] + 0.1)
+    assert later[y, x] in (0, 128)
+    assert not np.array_equal(shown, later)
+    assert not ignored(client, appearance, frame["s"]).any()
     answer = client.post("/v1/products/plate/appearances", json={"of": made, "excuse": [RECTANGLE | {"x": 230}]})
     assert ended(client, answer.json()["job_id"])["error"] == "region 1 ends at (250, 30); the picture is 240x180"

@@ -8,7 +8,7 @@ from typing import Any
 import httpx2
 import pytest
 
-from tests.api.stations import BAD, GOOD, PRODUCT, material, sweep
+from tests.api.stations import BAD, GOOD, PRODUCT, frames, material, sweep
 from tests.browser.conftest import Seen, Station
 
 SLOW = f"{GOOD}&pause=12"
@@ -94,6 +94,23 @@ def test_what_one_sweep_does_not_show_is_said(seen: Seen, station: Station, bad:
     page.wait_for_selector(".pane.b .pane-message >> text=B has no scored frame within 0.02 of s")
     page.wait_for_selector(".pane.difference .pane-message >> text=Both must show this place")
     seen.shot("compare-unseen", full=True)
+
+
+def test_one_that_runs_says_so_and_is_whole_when_it_has_ended(
+    seen: Seen, station: Station, bad: dict[str, Any]
+) -> None:
+    # What is not recorded yet has no pictures.
+    seen.excused = ["409"]
+    with station.sweeping("running-2") as send:
+        running = send.inspection  # type: ignore[attr-defined]
+        send(*frames(GOOD)[:9])
+        page = seen.open(f"#/compare/{bad['inspection_id']}/{running.inspection_id}?s=0.1", wait=".warning")
+        page.wait_for_selector(".warning >> text=B is still running: what is here of it are its first 9 frames")
+        page.wait_for_selector("#station[data-state=inspecting]")
+        send(*frames(GOOD)[9:])
+        running.conclude()
+    page.wait_for_selector(".side.b .verdict.ok")
+    assert page.locator(".warning").count() == 0
 
 
 def test_a_sweep_that_is_not_there_is_told(seen: Seen, bad: dict[str, Any]) -> None:

@@ -249,6 +249,9 @@ def test_a_person_overrules_and_the_verdict_stays(look: Callable[..., Seen], sta
     page.click("text=Confirm: it is NG")
     page.click(".disposition >> text=Save")
     page.wait_for_selector(".disposition-said >> text=Confirmed NG")
+    page.click("text=Earlier decisions: 1")
+    assert page.inner_text(".disposition-earlier li").startswith("Overruled: OK")
+    assert page.inner_text(".disposition-earlier q") == "a reflection"
     seen.shot("inspection-decided", full=True)
 
 
@@ -283,6 +286,7 @@ def test_what_is_not_there_is_told(seen: Seen, station: Station) -> None:
     (station.data / "inspections" / f"{gone['inspection_id']}.mcap").unlink()
     page = seen.open(address(gone["inspection_id"]), wait=READY)
     page.wait_for_selector(".pane-message >> text=No pictures of frame")
+    page.wait_for_selector(".pane-message >> text=its file is not where it was kept")
     assert page.locator(".panes").is_hidden()
     seen.shot("inspection-no-recording", full=True)
 

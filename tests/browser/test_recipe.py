@@ -11,7 +11,7 @@ import pytest
 
 from models.verdict import ALLOWED, Policy
 from tests.api.stations import BAD, GOOD, PRODUCT, material
-from tests.browser.conftest import Seen, Station
+from tests.browser.conftest import NEXT_FRAMES, Seen, Station
 
 RECIPE = f"#/recipe/{PRODUCT}"
 FAINT = "unit=7&seed=7&defect=spot&at=0.5&strength=0.5"
@@ -164,6 +164,45 @@ def test_a_mask_drawn_with_the_mouse_and_learnt_silences_the_region(seen: Seen, 
     page.wait_for_selector(".news >> text=parts are inspected by it from now on")
     assert station.inspect(BAD, "0101")["verdict"] == "OK"
     assert station.inspect(FAINT.replace("strength=0.5", "strength=1"), "0102")["verdict"] == "NG"
+
+
+def test_masks_that_are_learnt_are_shown_kept_and_taken_away(seen: Seen, station: Station) -> None:
+    golden = (material() / "golden.mcap").read_bytes()
+    path = f"{station.url}/v1/products/kept"
+    mcap = {"content-type": "application/octet-stream"}
+    sweep_id = httpx2.post(f"{path}/sweeps", content=golden, headers=mcap).json()["sweep_id"]
+    with station.client() as client:
+        learnt = client.learn("kept", [sweep_id])
+        client.make_recipe("kept", learnt)
+
+    def newest() -> dict[str, Any]:
+        return httpx2.get(f"{path}/appearances").json()["items"][0]["facts"]
+
+    page = seen.open("#/recipe/kept?tab=masks", wait="text=Nearest reference picture")
+    keep = page.get_by_label("Keep what is masked already")
+    assert keep.count() == 0
+    drawn = """() => document.querySelector("canvas.picture").toDataURL()"""
+    for kind in ("excuse", "ignore"):
+        page.check(f"input[value={kind}]")
+        page.focus("canvas.picture")
+        for key in ("Enter", *["Shift+ArrowRight"] * 3, *["Shift+ArrowDown"] * 3, "Enter"):
+            page.keyboard.press(key)
+        page.click("text=Learn with these")
+        page.wait_for_selector(".news >> text=is learnt with the masks")
+        page.click("#tab-masks")
+        page.wait_for_selector("text=Nearest reference picture")
+        assert keep.is_checked()
+    facts = newest()
+    assert facts["excused_regions"] == "1"
+    assert facts["ignored"] == pytest.approx(30 * 30 / (240 * 180), abs=1e-4)
+    seen.both("recipe-masks-kept")
+    striped = page.evaluate(drawn)
+    keep.uncheck()
+    page.evaluate(NEXT_FRAMES)
+    assert page.evaluate(drawn) != striped
+    page.click("text=Learn without masks")
+    page.wait_for_selector(".news >> text=is learnt with the masks")
+    assert page.get_by_label("Appearance").input_value() == learnt
 
 
 def drag(seen: Seen, region: dict[str, Any], *, width: int, margin: int) -> None:

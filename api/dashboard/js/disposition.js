@@ -1,7 +1,6 @@
 // What a person says of a part, beside what the machine said and never in its place.
 
-import { h, moment } from "./dom.js";
-
+import { h, moment, replace } from "./dom.js";
 
 /** The form, and what was said before. `told(inspection)` gets the inspection as it is afterwards. */
 export function disposition({ api, inspection, allowed, told }) {
@@ -47,7 +46,26 @@ export function disposition({ api, inspection, allowed, told }) {
   return h("section", { class: "panel disposition", "aria-label": "Disposition" },
     h("h2", {}, "A person’s decision"),
     before,
+    said ? earlier(api, inspection) : null,
     allowed ? (said ? h("details", {}, h("summary", {}, "Decide again"), form) : form) : null);
+}
+
+/** What was said before the last word; nothing is seen of it where that was the first. */
+function earlier(api, inspection) {
+  const list = h("ul", {});
+  const room = h("details", { class: "disposition-earlier", hidden: true }, h("summary", {}, "Earlier decisions"), list);
+  api.list(`/v1/inspections/${inspection.inspection_id}/dispositions`, { most: 200 }).then(
+    ([, ...before]) => {
+      room.hidden = before.length === 0;
+      room.firstChild.textContent = `Earlier decisions: ${before.length}`;
+      replace(list, before.map((each) => h("li", {}, inWords(each, inspection), each.comment ? h("q", {}, each.comment) : null)));
+    },
+    (problem) => {
+      room.hidden = false;
+      replace(list, h("li", { class: "problem" }, problem.detail ?? String(problem)));
+    },
+  );
+  return room;
 }
 
 function inWords(said, inspection) {

@@ -1,7 +1,7 @@
 // Two sweeps of a product, matched by their place on the part, not by clock: scores on one chart, pictures side by side.
 
 import { chart, legend } from "../chart.js";
-import { atFrame, empty, fixed, h, moment, replace, settled, standing, verdict } from "../dom.js";
+import { atFrame, empty, failed, fixed, h, moment, replace, settled, standing, verdict } from "../dom.js";
 import { between } from "../heat.js";
 import { boxesOf, pane } from "../panes.js";
 import { pick } from "../picker.js";
@@ -21,6 +21,29 @@ const SERIES = [
 export const title = "Compare";
 
 export async function show(root, params, app) {
+  let close = await open(root, params, app);
+  let gone = false;
+  /** One that ran has ended: there is more to see of it. */
+  async function ended({ inspection_id: id }) {
+    if (id !== params.a && id !== params.b) return;
+    close();
+    close = () => {};
+    const done = await open(root, params, app).catch((problem) => {
+      if (!gone) replace(root, failed(problem, () => ended({ inspection_id: id })));
+      return () => {};
+    });
+    if (gone) done();
+    else close = done;
+  }
+  const off = ["verdict", "aborted"].map((kind) => app.events.on(kind, ended));
+  return () => {
+    gone = true;
+    for (const each of off) each();
+    close();
+  };
+}
+
+async function open(root, params, app) {
   if (!params.a) return choose(root, app);
   const sides = {};
   const gone = new AbortController();
@@ -138,6 +161,8 @@ function both(root, sides, params, app, gone) {
       h("h1", {}, `Compare sweeps of ${one.product_id}`),
       h("a", { class: "button", href: `#/compare/${other.inspection_id}/${one.inspection_id}` }, "⇄ Change sides")),
     h("div", { class: "two" }, card("a", a, picked(b, app, "a")), card("b", b, picked(a, app, "b"))),
+    SIDES.filter((name) => sides[name].inspection.state === "processing").map((name) =>
+      h("p", { class: "warning", role: "status" }, `${name.toUpperCase()} is still running: what is here of it are its first ${sides[name].sweep.length} frames. The rest, and its pictures, come when it has ended.`)),
     one.product_id === other.product_id ? null
       : h("p", { class: "warning", role: "alert" }, `These are sweeps of two products, ${one.product_id} and ${other.product_id}.`),
     one.appearance_id === other.appearance_id ? null : unlike(a, b, app),
@@ -155,7 +180,9 @@ function both(root, sides, params, app, gone) {
   }
 
   const noted = settled(() => {
-    if (!gone.signal.aborted) app.note(`#/compare/${one.inspection_id}/${other.inspection_id}?s=${a.sweep.places[current].toFixed(4)}`);
+    if (gone.signal.aborted) return;
+    params.s = a.sweep.places[current].toFixed(4);
+    app.note(`#/compare/${one.inspection_id}/${other.inspection_id}?s=${params.s}`);
   }, 300);
 
   const soon = atFrame(() => {

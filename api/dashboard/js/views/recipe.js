@@ -161,8 +161,9 @@ function named(appearances, id) {
   const known = appearances.find((each) => each.appearance_id === id);
   const short = id.replace(/^sha256:/, "").slice(0, 8);
   if (!known) return short;
-  const sweeps = Number(known.facts.sweeps ?? known.sweep_ids.length);
-  return `${short}, ${sweeps} sweep${sweeps === 1 ? "" : "s"}, ${moment(known.created_ns)}`;
+  // What was learnt elsewhere does not say from how many.
+  const sweeps = Number(known.facts.sweeps) || known.sweep_ids.length;
+  return [short, sweeps ? `${sweeps} sweep${sweeps === 1 ? "" : "s"}` : null, moment(known.created_ns)].filter(Boolean).join(", ");
 }
 
 function heading(recipe) {

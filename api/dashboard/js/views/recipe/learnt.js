@@ -2,7 +2,7 @@
 
 import { get } from "../../api.js";
 import { chart, legend } from "../../chart.js";
-import { empty, failed, fixed, h, moment, replace, waiting } from "../../dom.js";
+import { empty, failed, fixed, h, moment, percent, replace, waiting } from "../../dom.js";
 
 const SPEED = [
   { label: "picture moves", colour: "--score" },
@@ -88,7 +88,8 @@ function learntFacts(appearance, recipe) {
   const { facts } = appearance;
   const rows = [
     ["Learnt", moment(appearance.created_ns)],
-    facts.places && ["From", `${facts.sweeps} sweep${Number(facts.sweeps) === 1 ? "" : "s"}, ${facts.places} places, ${facts.width}×${facts.height} px`],
+    facts.places && ["From", [sweepsOf(appearance), `${facts.places} places`, `${facts.width}×${facts.height} px`].filter(Boolean).join(", ")],
+    masked(facts) && ["Masks", masked(facts)],
     facts.promised && ["Promise", facts.promised],
     facts.added_to ? ["Added to", recipe.named(facts.added_to)] : null,
   ].filter(Boolean);
@@ -97,6 +98,17 @@ function learntFacts(appearance, recipe) {
     h("dl", { class: "facts" }, rows.map(([name, said]) => [h("dt", {}, name), h("dd", {}, said)])),
     [...new Set(cautions)].map((each) => h("p", { class: "caution" }, each)),
   ];
+}
+
+function sweepsOf({ facts, sweep_ids }) {
+  const sweeps = Number(facts.sweeps) || sweep_ids.length;
+  return sweeps ? `${sweeps} sweep${sweeps === 1 ? "" : "s"}` : null;
+}
+
+/** What it does not look at, in words; null where it looks at everything. */
+function masked({ ignored, excused_regions: regions }) {
+  const part = Number(regions) ? `${regions} region${Number(regions) === 1 ? "" : "s"} of the part excused` : null;
+  return [Number(ignored) ? `${percent(ignored, 1)} of the picture ignored` : null, part].filter(Boolean).join(", ") || null;
 }
 
 /** A sentence for each golden sweep that was left out; the service says it in `said`, older ones only in facts. */

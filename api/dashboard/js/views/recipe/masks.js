@@ -1,6 +1,6 @@
 // What nobody cares about, drawn on the reference picture: fixed in the picture, a window, or of the part.
 
-import { ask, post, url } from "../../api.js";
+import { ask, blob, post, url } from "../../api.js";
 import { failed, fixed, h, replace, settled } from "../../dom.js";
 import { picture } from "../../picture.js";
 import { maskPng } from "./mask_png.js";
@@ -22,6 +22,9 @@ export function masksPanel(recipe, app) {
   let kind = "ignore";
   let at = null;
   let asking = null;
+  let before = null;
+  const excusedBefore = JSON.parse(appearance.facts.excused ?? "[]");
+  const hasMasks = Number(appearance.facts.ignored) > 0 || Number(appearance.facts.excused_regions) > 0;
 
   const where = h("p", { class: "note", role: "status" });
   const trouble = h("div", {});
@@ -29,7 +32,13 @@ export function masksPanel(recipe, app) {
   const shown = picture(place, {
     label: "Reference picture. Arrows move a cross, with Shift by 10; Enter sets the first and the second corner of a rectangle.",
     onDraw: why ? null : add,
+    overlay(pen) {
+      if (!before || (keep && !keep.checked)) return;
+      for (const [each, colour] of [[before.fixed, "rgba(255, 255, 255, .7)"], [before.part, "rgba(255, 205, 80, .85)"]])
+        pen.drawImage(inked(each, colour), 0, 0, pen.canvas.width, pen.canvas.height);
+    },
   });
+  const keep = hasMasks ? h("input", { type: "checkbox", checked: true, disabled: Boolean(why), onchange: () => draw() }) : null;
   const slider = h("input", { type: "range", id: "mask-s", min: "0", max: "1", step: "0.002", value: "0.5" });
   const number = h("output", { for: "mask-s", class: "number" });
   const radios = Object.entries(KINDS).map(([name, { label, said }]) => {
@@ -47,10 +56,13 @@ export function masksPanel(recipe, app) {
     const mine = (asking = new AbortController());
     try {
       const response = await ask(url(`${base}/reference`, { s: slider.value }), { signal: mine.signal });
+      const shows = hasMasks ? await levels(await blob(url(`${base}/ignored`, { s: slider.value }), { signal: mine.signal })) : null;
       const told = Number(response.headers.get("Reference-S") ?? NaN);
       at = Number.isFinite(told) ? told : Number(slider.value);
       where.textContent = `Nearest reference picture: s ${fixed(at, 3)}`;
-      await shown.show(await response.blob());
+      const expected = await response.blob();
+      before = shows;
+      await shown.show(expected);
       replace(trouble);
       draw();
     } catch (problem) {
@@ -84,8 +96,11 @@ export function masksPanel(recipe, app) {
     const here = drawn.filter((each) => each.kind === "ignore" || (each.kind === "excuse" && Math.abs(each.s - at) < 1e-6));
     shown.rects([...here, ...outside(drawn.filter((each) => each.kind === "window"), shown.size())]);
     replace(table, drawn.length ? maskTable() : h("p", { class: "note" }, "Nothing is drawn yet. Drag over the picture, or use the keyboard: Enter, arrows, Enter."));
-    const again = drawn.some((each) => each.kind !== "excuse") && !appearance.sweep_ids.length;
-    const nothing = drawn.length ? (again ? "The sweeps that it was learnt from are not here: only regions of the part can be excused." : null) : "Draw something first.";
+    const away = keep !== null && !keep.checked;
+    const again = (away || drawn.some((each) => each.kind !== "excuse")) && !appearance.sweep_ids.length;
+    shown.redraw();
+    learn.textContent = away && !drawn.length ? "Learn without masks" : "Learn with these";
+    const nothing = drawn.length || away ? (again ? "The sweeps that it was learnt from are not here: only regions of the part can be excused." : null) : "Draw something first.";
     trap.textContent = again ? nothing : "";
     learn.disabled = Boolean(why ?? nothing);
     learn.title = why ?? nothing ?? "";
@@ -121,12 +136,17 @@ export function masksPanel(recipe, app) {
     replace(jobs);
     try {
       const fixedOnes = drawn.filter((each) => each.kind !== "excuse");
-      const excuse = drawn.filter((each) => each.kind === "excuse").map(({ s, x, y, width, height }) => ({ s, x, y, width, height }));
+      const kept = keep?.checked;
+      let excuse = drawn.filter((each) => each.kind === "excuse").map(({ s, x, y, width, height }) => ({ s, x, y, width, height }));
       let learnt = chosen;
-      if (fixedOnes.length) {
+      if (fixedOnes.length || (keep && !kept)) {
         const { width, height } = shown.size();
-        const ignore = await maskPng(fixedOnes, width, height);
-        learnt = await learnBy("Learning with what is fixed in the picture", { sweep_ids: appearance.sweep_ids, ignore });
+        const asked = { sweep_ids: appearance.sweep_ids };
+        if (fixedOnes.length || (kept && Number(appearance.facts.ignored) > 0))
+          asked.ignore = await maskPng(fixedOnes, width, height, kept ? before.fixed : null);
+        learnt = await learnBy("Learning with what is fixed in the picture", asked);
+        // What is learnt anew has to be excused anew.
+        if (kept) excuse = [...excusedBefore, ...excuse];
       }
       if (excuse.length) learnt = await learnBy("Excusing regions of the part", { of: learnt, excuse });
       recipe.chosen = learnt;
@@ -171,6 +191,7 @@ export function masksPanel(recipe, app) {
     h("div", { class: "panelhead" }, h("h2", { id: "kinds-title" }, "Draw")),
     why ? h("p", { class: "why" }, why) : null,
     h("fieldset", { class: "choices" }, h("legend", {}, "A rectangle is"), radios),
+    keep ? h("label", { class: "choice kept" }, keep, h("span", {}, h("strong", {}, "Keep what is masked already"), h("span", { class: "note" }, "Striped in the picture: white is fixed in it, yellow lies on the part. Without this tick, only what is drawn now holds."))) : null,
     table,
     h("p", { class: "note" }, "Masks go into a new appearance, learnt once more from the same sweeps. Draw generously: compression carries what is under a mask to its neighbours."),
     trap,
@@ -185,6 +206,44 @@ export function masksPanel(recipe, app) {
       shown.close();
     },
   };
+}
+
+/** The mask that the service tells, as two canvases, opaque where it is white, and where it is grey. */
+async function levels(png) {
+  const bitmap = await createImageBitmap(png);
+  const { width, height } = bitmap;
+  const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  pen.drawImage(bitmap, 0, 0);
+  bitmap.close();
+  const { data } = pen.getImageData(0, 0, width, height);
+  const of = (from, to) => {
+    const canvas = new OffscreenCanvas(width, height);
+    const image = new ImageData(width, height);
+    for (let at = 0; at < data.length; at += 4) if (data[at] >= from && data[at] < to) image.data.fill(255, at, at + 4);
+    canvas.getContext("2d").putImageData(image, 0, 0);
+    return canvas;
+  };
+  return { fixed: of(200, 256), part: of(64, 200) };
+}
+
+const STRIPE = 6; // px of the picture from one stripe to the next
+
+/** The same in stripes of a colour. */
+function inked(canvas, colour) {
+  const { width, height } = canvas;
+  const made = new OffscreenCanvas(width, height);
+  const pen = made.getContext("2d");
+  pen.drawImage(canvas, 0, 0);
+  pen.globalCompositeOperation = "source-in";
+  pen.strokeStyle = colour;
+  pen.lineWidth = STRIPE / 3;
+  pen.beginPath();
+  for (let x = -height; x < width; x += STRIPE) {
+    pen.moveTo(x, 0);
+    pen.lineTo(x + height, height);
+  }
+  pen.stroke();
+  return made;
 }
 
 /** What lies outside of all windows, as rectangles: bands between the windows' edges, to be drawn over. */
