@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from inspector.cli.batch import batch
 from inspector.cli.demo import demo
 from inspector.cli.detectability import detectability
 from inspector.cli.evaluate import evaluate
@@ -25,7 +26,7 @@ from inspector.cli.workspace import workspace
 from models.errors import InspectionError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-for command in (record, learn, replay, evaluate, detectability, demo, serve, push, locate):
+for command in (record, learn, replay, batch, evaluate, detectability, demo, serve, push, locate):
     app.command()(command)
 app.add_typer(workspace, name="workspace")
 

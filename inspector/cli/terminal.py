@@ -59,6 +59,28 @@ def progress(title: str) -> Generator[Progress]:
 
 
 @contextmanager
+def counting(title: str, total: int) -> Generator[Callable[[int, str], None]]:
+    """A bar with how many are done, how long the rest may take, and a word; nothing where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done, said: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[said]}"),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=total, said="")
+        yield lambda done, said: bar.update(task, completed=done, said=said)
+
+
+@contextmanager
 def status(title: str) -> Generator[Callable[[str], None]]:
     """A line that is overwritten, for work whose end is not known; nothing where stderr is no terminal."""
     if not sys.stderr.isatty():

@@ -1,0 +1,136 @@
+"""A piece of a batch: one recording, inspected by one appearance and one policy, wherever that happens to be done.
+
+inspector.errors.WorldError
+├── NothingThere             no recording where some were looked for
+└── NamedAlike               two recordings whose results would have one name
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from uuid import NAMESPACE_URL, uuid5
+
+import cv2
+from threadpoolctl import threadpool_limits
+
+from inspector.errors import WorldError
+from inspector.learner import load_appearance
+from inspector.recording import SweepReader
+from inspector.replay import replay
+from inspector.result_json import result_record
+from models.appearance import Appearance
+from models.errors import AppearanceError, InspectionError
+from models.limits import promise
+from models.verdict import Policy
+
+
+class NothingThere(WorldError):
+    """No recording where some were looked for."""
+
+    def __init__(self, places: Sequence[Path]) -> None:
+        super().__init__(
+            f"no recording in {', '.join(map(str, places))}; allowed are MCAP files, and folders with some"
+        )
+
+
+class NamedAlike(WorldError):
+    """Two recordings whose results would have one name."""
+
+    def __init__(self, name: str, one: Path, other: Path) -> None:
+        super().__init__(f"{one} and {other} would both be {name} in the results; name a folder that holds both")
+
+
+@dataclass(frozen=True)
+class Task:
+    """A recording of the batch."""
+
+    name: str
+    """Names its result: its path below the folder that was named, without `.mcap`."""
+    path: Path
+
+
+@dataclass(frozen=True)
+class By:
+    """What all recordings of a batch are inspected by; the file has to be where the work is done."""
+
+    appearance: Path
+    appearance_id: str
+    policy: Policy
+    topic: str | None = None
+
+    @property
+    def key(self) -> str:
+        """Results of the same key need not be made again."""
+        told = json.dumps([self.appearance_id, asdict(self.policy), self.topic], sort_keys=True)
+        return hashlib.sha256(told.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a recording: its record, or why there is none."""
+
+    name: str
+    record: dict[str, object] | None
+    stamp: tuple[int, int] | None = None
+    """Size and time of change of the recording when it was read: what tells that it is another one now."""
+    error: str | None = None
+
+
+def find_recordings(places: Sequence[Path]) -> list[Task]:
+    """Files, and all `.mcap` files of folders and those in them, by name. Raises NothingThere, NamedAlike."""
+    found: dict[str, Task] = {}
+    for place in places:
+        folder = place.is_dir()
+        for path in place.rglob("*.mcap") if folder else [place]:
+            below = path.relative_to(place if folder else place.parent).with_suffix("").as_posix()
+            name = f"{place.absolute().name}/{below}" if folder and len(places) > 1 else below
+            task = Task(name, path.absolute())
+            if found.setdefault(name, task) != task:
+                raise NamedAlike(name, found[name].path, task.path)
+    if not found:
+        raise NothingThere(places)
+    return [found[name] for name in sorted(found)]
+
+
+def stamp(path: Path) -> tuple[int, int]:
+    """Size and time of change of a file. Raises OSError."""
+    facts = path.stat()
+    return facts.st_size, facts.st_mtime_ns
+
+
+def inspected(task: Task, by: By) -> Outcome:
+    """Do it, here. Whatever is wrong with the recording becomes the outcome's error."""
+    cv2.setNumThreads(1)
+    at = None
+    try:
+        at = stamp(task.path)
+        # More threads may change last bits, and with them the digest.
+        with threadpool_limits(1):
+            return Outcome(task.name, _record(task, by), at)
+    except InspectionError as error:
+        return Outcome(task.name, None, at, str(error))
+    except OSError as error:
+        return Outcome(task.name, None, at, f"{task.path}: {error.strerror or error}")
+
+
+def _record(task: Task, by: By) -> dict[str, object]:
+    appearance = _appearance(by.appearance, by.appearance_id)
+    replayed = replay(SweepReader(task.path, topic=by.topic), appearance, by.policy)
+    promised = promise(appearance.peaks, by.policy.false_rejects)
+    name = str(uuid5(NAMESPACE_URL, f"{task.name} {by.key} {replayed.result.digest}"))
+    record = result_record(replayed.result, replayed.facts, is_simulated=True, promise=promised, result_id=name)
+    return record | {"recording": task.name, "losses": list(replayed.losses)}
+
+
+@lru_cache(maxsize=2)
+def _appearance(path: Path, appearance_id: str) -> Appearance:
+    """Once for each process. Raises AppearanceError, also where the file is another one by now."""
+    appearance = load_appearance(path)
+    if appearance.id != appearance_id:
+        raise AppearanceError(f"{path}: it has the id {appearance.id} now; the batch was begun with {appearance_id}")
+    return appearance

@@ -1,0 +1,69 @@
+"""`inspector batch`: thousands of recordings, several at a time, wherever there are cores."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from inspector.cli.terminal import counting, false_reject_target, warn
+
+if TYPE_CHECKING:
+    from inspector.batch import Batch
+
+
+def batch(
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING-OR-FOLDER...", help="What to inspect.")],
+    *,
+    appearance: Annotated[Path, typer.Option(metavar="PART.appearance", help="What `learn` wrote.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for results; what is there is not done again.")],
+    executor: Annotated[
+        str, typer.Option(metavar="URL", help="serial, processes, processes:4, dask://host:8786, ray://auto")
+    ] = "processes",
+    policy: Annotated[
+        Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
+    ] = None,
+    false_rejects: Annotated[
+        float | None,
+        typer.Option(
+            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.02."
+        ),
+    ] = None,
+    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+) -> None:
+    """Inspect many recordings. One that cannot be read is named, and the rest goes on; begun again, it goes on.
+
+    Example: inspector batch archive --appearance board.appearance --out by-version-7 --executor processes
+    """
+    from inspector.batch import By, Counted, find_recordings, run_batch
+    from inspector.executors import open_executor
+    from inspector.learner import load_appearance
+    from inspector.policies import read_policy
+    from models.verdict import Policy
+
+    settings = read_policy(policy) if policy else Policy()
+    if false_rejects is not None:
+        settings = replace(settings, false_rejects=false_rejects)
+    tasks = find_recordings(recordings)
+    by = By(appearance.absolute(), load_appearance(appearance).id, settings, topic)
+    with open_executor(executor) as workers, counting("inspecting", len(tasks)) as tell:
+
+        def told(counted: Counted) -> None:
+            tell(counted.recordings - counted.left, f"{counted.failed} failed" if counted.failed else "")
+
+        done = run_batch(tasks, by, workers, out, told)
+    _print(done, out)
+
+
+def _print(batch: Batch, out: Path) -> None:
+    counted = batch.counted
+    for name, why in batch.failed:
+        warn(f"{name}: {why}")
+    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in batch.verdicts.most_common())
+    before = f", {counted.skipped} of them before" if counted.skipped else ""
+    print(f"{counted.done + counted.skipped} recordings inspected{before}: {verdicts or 'none'}")
+    if counted.failed:
+        print(f"{counted.failed} could not be")
+    print(f"{out / 'results.csv'}")
