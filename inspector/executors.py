@@ -79,14 +79,13 @@ class Executor:
             yield from map(work, things)
             return
         # Ray's back end gives lists only.
-        how, size = (
-            ("list", _AT_ONCE * self.workers) if self._backend == "ray" else ("generator_unordered", len(things))
-        )
-        parallel = _JOBLIB.Parallel(
-            n_jobs=self.workers, return_as=how, batch_size=1, pre_dispatch=_AHEAD * self.workers
-        )
+        lists = self._backend == "ray"
+        size = _AT_ONCE * self.workers if lists else max(1, len(things))
+        how = "list" if lists else "generator_unordered"
+        ahead = _AHEAD * self.workers
+        parallel = _JOBLIB.Parallel(n_jobs=self.workers, return_as=how, batch_size=1, pre_dispatch=ahead)
         try:
-            for start in range(0, len(things), max(1, size)):
+            for start in range(0, len(things), size):
                 made: Iterable[Any] = parallel(_JOBLIB.delayed(work)(each) for each in things[start : start + size])
                 yield from made
         except (WorldError, GeneratorExit, KeyboardInterrupt):

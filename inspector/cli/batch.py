@@ -55,6 +55,8 @@ def batch(
 
         done = run_batch(tasks, by, workers, out, told)
     _print(done, out)
+    if done.failed:
+        raise typer.Exit(1)
 
 
 def _print(batch: Batch, out: Path) -> None:
@@ -63,7 +65,6 @@ def _print(batch: Batch, out: Path) -> None:
         warn(f"{name}: {why}")
     verdicts = ", ".join(f"{count} {verdict}" for verdict, count in batch.verdicts.most_common())
     before = f", {counted.skipped} of them before" if counted.skipped else ""
-    print(f"{counted.done + counted.skipped} recordings inspected{before}: {verdicts or 'none'}")
-    if counted.failed:
-        print(f"{counted.failed} could not be")
+    not_read = f"; {counted.failed} could not be" if counted.failed else ""
+    print(f"{counted.done + counted.skipped} recordings inspected{before}: {verdicts or 'none'}{not_read}")
     print(f"{out / 'results.csv'}")
