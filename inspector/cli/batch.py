@@ -66,5 +66,6 @@ def _print(batch: Batch, out: Path) -> None:
     verdicts = ", ".join(f"{count} {verdict}" for verdict, count in batch.verdicts.most_common())
     before = f", {counted.skipped} of them before" if counted.skipped else ""
     not_read = f"; {counted.failed} could not be" if counted.failed else ""
-    print(f"{counted.done + counted.skipped} recordings inspected{before}: {verdicts or 'none'}{not_read}")
+    count = counted.done + counted.skipped
+    print(f"{count} recording{'' if count == 1 else 's'} inspected{before}: {verdicts or 'none'}{not_read}")
     print(f"{out / 'results.csv'}")

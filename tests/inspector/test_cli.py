@@ -27,7 +27,7 @@ from tests.inspector.conftest import Line
 from tests.inspector.line import SPOT, cut, url
 
 Captured = pytest.CaptureFixture[str]
-COMMANDS = ("record", "learn", "replay", "evaluate", "detectability", "demo", "serve", "push", "locate")
+COMMANDS = ("record", "learn", "replay", "batch", "evaluate", "detectability", "demo", "serve", "push", "locate")
 
 
 def told(capsys: Captured, *arguments: object) -> tuple[int, str, str]:
@@ -255,6 +255,22 @@ def test_an_interrupt_elsewhere_is_130_and_leaves_nothing(
     )
     assert (code, out, err) == (130, "", "")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_batch_names_what_it_cannot_read_and_goes_on_where_it_was(
+    line: Line, tmp_path: Path, capsys: Captured
+) -> None:
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    (folder / "good.mcap").write_bytes(line.good.read_bytes())
+    (folder / "none.mcap").write_bytes(b"no recording")
+    asked = ("batch", folder, "--appearance", line.file, "--out", tmp_path / "out", "--executor", "serial")
+    code, out, err = told(capsys, *asked)
+    assert (code, out.splitlines()[0]) == (1, "1 recording inspected: 1 OK; 1 could not be")
+    assert err.startswith("inspector: warning: none: ")
+    (folder / "none.mcap").unlink()
+    code, out, err = told(capsys, *asked)
+    assert (code, out.splitlines()[0], err) == (0, "1 recording inspected, 1 of them before: 1 OK", "")
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, "workspace learn"])
