@@ -142,16 +142,20 @@ def locate_picture(path: Path | str, workspace: Workspace) -> Located:
 
 def located_record(located: Located, workspace: Workspace) -> dict[str, Any]:
     """As JSON holds it: `object`, `q` and `uncertainty` by parameter, `distance`, `state`, `others`."""
-    names = [parameter.name for parameter in workspace.parameters]
-
-    def named(values: tuple[float, ...] | None) -> dict[str, float] | None:
-        return None if values is None else dict(zip(names, values, strict=True))
-
+    others = [
+        {"object": each.object, "q": named(each.q, workspace), "distance": each.distance} for each in located.others
+    ]
     return {
         "object": located.object,
-        "q": named(located.q),
-        "uncertainty": named(located.uncertainty),
+        "q": named(located.q, workspace),
+        "uncertainty": named(located.uncertainty, workspace),
         "distance": located.distance,
         "state": located.state,
-        "others": [{"object": each.object, "q": named(each.q), "distance": each.distance} for each in located.others],
+        "others": others,
     }
+
+
+def named(values: tuple[float, ...] | None, workspace: Workspace) -> dict[str, float] | None:
+    """One number per parameter, by its name."""
+    names = [parameter.name for parameter in workspace.parameters]
+    return None if values is None else dict(zip(names, values, strict=True))

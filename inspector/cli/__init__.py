@@ -22,11 +22,12 @@ from inspector.cli.push import push
 from inspector.cli.record import record
 from inspector.cli.replay import replay
 from inspector.cli.serve import serve
+from inspector.cli.track import track
 from inspector.cli.workspace import workspace
 from models.errors import InspectionError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
-for command in (record, learn, replay, batch, evaluate, detectability, demo, serve, push, locate):
+for command in (record, learn, replay, batch, evaluate, detectability, demo, serve, push, locate, track):
     app.command()(command)
 app.add_typer(workspace, name="workspace")
 

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import count, duration, status, warn
+from inspector.cli.terminal import count, duration, status, stopped_by_signals, warn
 
 if TYPE_CHECKING:
     from inspector.recorder import RecordingSummary
@@ -39,7 +34,7 @@ def record(
     from inspector.cameras.base import waits
     from inspector.recorder import record as record_sweep
 
-    with open_camera(camera) as source, _stopped_by_signals() as stop, status("recording") as say:
+    with open_camera(camera) as source, stopped_by_signals() as stop, status("recording") as say:
         summary = record_sweep(
             source, out, seconds=seconds, frames=frames, product_id=product, part_id=part,
             lossless=waits(camera), on_progress=lambda so_far: say(_counted(so_far)), stop=stop,
@@ -53,22 +48,3 @@ def _counted(summary: RecordingSummary) -> str:
     """The figures of a recording, in words."""
     lost = f", {summary.drops} dropped" if summary.drops else ""
     return f"{summary.frames} frames{lost}, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB"
-
-
-@contextmanager
-def _stopped_by_signals() -> Generator[threading.Event]:
-    """An event that the first Ctrl-C or SIGTERM sets; the second interrupts a camera that delivers nothing more."""
-    stop = threading.Event()
-
-    def stopped(number: int, at: FrameType | None) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    kinds = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(kind, stopped) for kind in kinds]
-    try:
-        yield stop
-    finally:
-        for kind, handler in zip(kinds, before, strict=True):
-            signal.signal(kind, handler)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from math import inf
+from types import FrameType
 
 import typer
 
@@ -90,3 +93,22 @@ def status(title: str) -> Generator[Callable[[str], None]]:
 
     with Console(stderr=True).status(title) as line:
         yield lambda said: line.update(f"{title}: {said}")
+
+
+@contextmanager
+def stopped_by_signals() -> Generator[threading.Event]:
+    """An event that the first Ctrl-C or SIGTERM sets; the second interrupts a camera that delivers nothing more."""
+    stop = threading.Event()
+
+    def stopped(number: int, at: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    kinds = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(kind, stopped) for kind in kinds]
+    try:
+        yield stop
+    finally:
+        for kind, handler in zip(kinds, before, strict=True):
+            signal.signal(kind, handler)

@@ -111,16 +111,20 @@ class Search:
         self, x: Float32[np.ndarray, " p"], name: str, q: Float64[np.ndarray, " m"], reach: Float64[np.ndarray, " m"]
     ) -> Located:
         """Over one object, about q."""
-        learnt = next((each for each in self.learnt if each.name == name), None)
-        if learnt is None:
-            raise NumericError(
-                f"no object {name} in the workspace; allowed are {', '.join(each.name for each in self.learnt)}"
-            )
+        learnt = self.named(name)
         z, _ = learnt.seen(x)
         steps = np.linspace(-1, 1, 5 if len(q) < 3 else 3)
         about = q + reach * np.stack(np.meshgrid(*[steps] * len(q), indexing="ij"), axis=-1).reshape(-1, len(q))
         away = np.square(learnt.manifold.at(about) - z).sum(axis=1)
         return self._told(self._descended(x, learnt, [about[int(away.argmin())]], reach))
+
+    def named(self, name: str) -> LearntObject:
+        """What is known of an object. Raises NumericError where there is no such."""
+        for each in self.learnt:
+            if each.name == name:
+                return each
+        names = ", ".join(each.name for each in self.learnt)
+        raise NumericError(f"no object {name} in the workspace; allowed are {names}")
 
     @staticmethod
     def _descended(

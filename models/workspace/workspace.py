@@ -48,6 +48,15 @@ class Workspace:
         """Their names, in the order in which they were first seen."""
         return tuple(each.name for each in self.learnt)
 
+    def reach(self, object: str) -> tuple[float, ...]:
+        """How far to either side each parameter of an object was learnt: half its axis, or half its period.
+
+        Raises NumericError where there is no such object.
+        """
+        g = self._search.named(object).manifold
+        spans = zip(g.axes, g.periods, strict=True)
+        return tuple(float(period or axis[-1] - axis[0]) / 2 for axis, period in spans)
+
     @cached_property
     def _search(self) -> Search:
         return Search.of(self.parameters, self.universal, self.learnt)

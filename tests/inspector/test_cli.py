@@ -27,7 +27,10 @@ from tests.inspector.conftest import Line
 from tests.inspector.line import SPOT, cut, url
 
 Captured = pytest.CaptureFixture[str]
-COMMANDS = ("record", "learn", "replay", "batch", "evaluate", "detectability", "demo", "serve", "push", "locate")
+COMMANDS = (
+    *("record", "learn", "replay", "batch", "evaluate", "detectability", "demo", "serve", "push", "locate"),
+    "track",
+)
 
 
 def told(capsys: Captured, *arguments: object) -> tuple[int, str, str]:
