@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
 from math import factorial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float64, Int
 
 from models.errors import AppearanceError, LearningError
 
@@ -116,18 +116,22 @@ class Manifold:
         >>> jet.value.round(6), jet.slopes.round(6), jet.bends.round(6)
         (array([0.125]), array([[0.75]]), array([[[3.]]]))
         """
-        weights: np.ndarray = np.ones((1, 1))
+        products: np.ndarray | None = None
         block: list[slice] = []
-        for value, (knots, pieces) in zip(self.wrap(q).tolist(), self._bases, strict=True):
-            piece = min(max(bisect_right(knots, value) - 1, 0), len(knots) - 2)
-            t = value - knots[piece]
-            powers = np.array([[t * t * t, t * t, t, 1.0], [3 * t * t, 2 * t, 1.0, 0.0], [6 * t, 2.0, 0.0, 0.0]])
-            basis = powers[:, 4 - len(pieces[piece]) :] @ pieces[piece]
-            block.append(slice(piece, piece + basis.shape[1]))
-            weights = (weights[:, None, :, None] * basis[:, None, :]).reshape(3 * len(weights), -1)
-        rows, values, slopes, bends = _orders(self.m)
-        found = weights[rows] @ self._weights[tuple(block)].reshape(-1, self.k)
-        return Jet(found[values], found[slopes], found[bends])
+        for value, period, (knots, pieces) in zip(q.tolist(), self.periods, self._bases, strict=True):
+            first, last = knots[0], knots[-1]
+            at = min(max(value, first), last) if period is None else first + (value - first) % period
+            piece = min(max(bisect_right(knots, at) - 1, 0), len(knots) - 2)
+            t = at - knots[piece]
+            powers = np.array(((t * t * t, t * t, t, 1.0), (3 * t * t, 2 * t, 1.0, 0.0), (6 * t, 2.0, 0.0, 0.0)))
+            count = len(pieces[piece])
+            basis = powers[:, 4 - count :] @ pieces[piece]
+            block.append(slice(piece, piece + count))
+            products = basis if products is None else _products(products, basis)
+        weights = self._weights[tuple(block)].reshape(-1, self.k)
+        rows, bends = _orders(self.m)
+        found = cast(np.ndarray, products)[rows] @ weights
+        return Jet(found[0], found[1 : self.m + 1], found[bends])
 
     def wrap(self, q: Float64[np.ndarray, "*n m"]) -> Float64[np.ndarray, "*n m"]:
         """The same q, a period counted from the start of its axis, other parameters held inside their axis."""
@@ -255,15 +259,18 @@ class Manifold:
             raise AppearanceError(f"the manifold in the file cannot be used: {error}") from error
 
 
+def _products(a: Float64[np.ndarray, "o w"], b: Float64[np.ndarray, "3 d"]) -> Float64[np.ndarray, "o*3 w*d"]:
+    return (a[:, None, :, None] * b[:, None, :]).reshape(len(a) * len(b), -1)
+
+
 @cache
-def _orders(m: int) -> tuple[list[int], int, list[int], list[list[int]]]:
-    """Which of all 3**m products of derivatives a jet has, and where in them value, slopes and bends are."""
+def _orders(m: int) -> tuple[Int[np.ndarray, " o"], Int[np.ndarray, "m m"]]:
+    """Which of all 3**m products of derivatives a jet has: value, slopes, second ones; where these are in it."""
     unit = np.eye(m, dtype=int)
-    base = 3 ** np.arange(m - 1, -1, -1)
-    wanted = [(0 * base, *unit, *(unit[i] + unit[j] for i in range(m) for j in range(i, m)))]
-    rows = [int(order @ base) for order in wanted[0]]
-    bends = [[rows.index(int((unit[i] + unit[j]) @ base)) for j in range(m)] for i in range(m)]
-    return rows, 0, list(range(1, m + 1)), bends
+    pairs = [(i, j) for i in range(m) for j in range(i, m)]
+    wanted = np.array([0 * unit[0], *unit, *(unit[i] + unit[j] for i, j in pairs)])
+    bends = [[1 + m + pairs.index((min(i, j), max(i, j))) for j in range(m)] for i in range(m)]
+    return wanted @ 3 ** np.arange(m - 1, -1, -1), np.array(bends)
 
 
 def _check_axis(number: int, axis: Float64[np.ndarray, " r"], period: float | None) -> None:

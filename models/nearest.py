@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -152,19 +153,23 @@ class NearestPoint:
 
 
 def refine(
-    g: Manifold, z: Float64[np.ndarray, " k"], q: Float64[np.ndarray, " m"], reach: Float64[np.ndarray, " m"]
+    g: Manifold,
+    z: Float64[np.ndarray, " k"],
+    q: Float64[np.ndarray, " m"],
+    reach: Float64[np.ndarray, " m"],
+    close: float = CLOSE,
 ) -> tuple[Float64[np.ndarray, " m"], float]:
     """(q, ||z - g(q)||) downhill from q, no farther than `reach` from it per parameter: never worse than q.
 
-    Newton on ||z - g(q)||^2 / 2, a step shortened until it goes down.
+    Newton on ||z - g(q)||^2 / 2, a step shortened until it goes down; one shorter than `close` of the reach ends it.
     """
-    low, high = _box(g, q, reach)
-    jet = g.jet(q)
+    box = low, high = _box(g, q, reach)
+    jet, shortest = g.jet(q), close * reach
     apart = jet.value - z
     squared = float(apart @ apart)
     for _ in range(STEPS):
-        step = np.clip(q + _newton(jet, q, apart, (low, high), reach), low, high) - q
-        while np.any(np.abs(step) > CLOSE * reach):
+        step = np.minimum(np.maximum(q + _newton(jet, q, apart, box, reach), low), high) - q
+        while (np.abs(step) > shortest).any():
             moved = g.jet(q + step)
             left = moved.value - z
             if float(left @ left) < squared:
@@ -201,15 +206,28 @@ def _newton(
     step as far as allowed along the gradient.
     """
     (low, high), gradient = box, jet.slopes @ apart
-    free = np.flatnonzero(~((q <= low) & (gradient > 0) | (q >= high) & (gradient < 0)))
-    step = np.zeros_like(q)
-    if not free.size or not gradient[free].any():
+    held = (q <= low) & (gradient > 0) | (q >= high) & (gradient < 0)
+    if held.any():
+        free = np.flatnonzero(~held)
+        step = np.zeros_like(q)
+        slopes, bends = jet.slopes[free], jet.bends[np.ix_(free, free)]
+        if free.size:
+            step[free] = _downhill(slopes, bends, gradient[free], apart, reach[free])
         return step
-    gauss = jet.slopes[free] @ jet.slopes[free].T
-    for curvature in (gauss + (jet.bends @ apart)[np.ix_(free, free)], gauss):
-        values, axes = np.linalg.eigh(curvature)
-        if values[0] > 1e-9 * np.trace(gauss):
-            step[free] = -axes @ ((axes.T @ gradient[free]) / values)
-            return step
-    step[free] = -np.sign(gradient[free]) * reach[free]
-    return step
+    return _downhill(jet.slopes, jet.bends, gradient, apart, reach)
+
+
+def _downhill(
+    slopes: Float64[np.ndarray, "m k"],
+    bends: Float64[np.ndarray, "m m k"],
+    gradient: Float64[np.ndarray, " m"],
+    apart: Float64[np.ndarray, " k"],
+    reach: Float64[np.ndarray, " m"],
+) -> Float64[np.ndarray, " m"]:
+    gauss = slopes @ slopes.T
+    least = 1e-9 * float(gauss.trace())
+    for curvature in (gauss + bends @ apart, gauss):
+        with suppress(np.linalg.LinAlgError):
+            if least > 0 and (np.linalg.cholesky(curvature).diagonal() ** 2 > least).all():
+                return -np.linalg.solve(curvature, gradient)
+    return -np.sign(gradient) * reach

@@ -11,14 +11,15 @@ from jaxtyping import Float32
 from models.eigenspace import Eigenspace, fit_eigenspace
 from models.errors import LearningError, PictureError
 from models.manifold import Manifold
-from models.preparation import Preparation
 from models.workspace.grid import Grid, LabelledPicture, Parameter, check_parameters
-from models.workspace.learnt import LearntObject, left_out
+from models.workspace.learnt import LearntObject, left_out, shrunk
+from models.workspace.look import Look
 from models.workspace.workspace import Workspace
 
-SIDE = 64
-"""Pixels of the longer side that pictures are scaled to."""
-UNIVERSAL, OWN = 32, 64
+SENSOR = 2.0
+"""Noise that is assumed of every pixel, in grey levels of 255."""
+ENERGY = 0.9999
+UNIVERSAL, OWN = 32, 96
 """Dimensions at most: of the eigenspace of all objects, and of each."""
 
 
@@ -37,61 +38,59 @@ def learn_workspace(
     """
     parameters = tuple(parameters)
     check_parameters(parameters)
-    preparation, seen = _prepared(pictures, parameters)
+    look, seen, noise = _seen(pictures, parameters)
     everything = np.concatenate([np.stack(xs) for _, xs in seen.values()])
     universal = fit_eigenspace(everything, energy=0.95, k_max=UNIVERSAL)
     learnt: list[LearntObject] = []
     for name, (qs, xs) in seen.items():
         grid = Grid.of(name, np.array(qs, np.float64), parameters)
-        learnt.append(_learnt(name, grid, np.stack(xs), tuple(each.period for each in parameters)))
+        learnt.append(_learnt(name, grid, np.stack(xs), tuple(each.period for each in parameters), floor=noise))
         if progress:
             progress(len(learnt) / len(seen))
     facts = {"pictures": str(len(everything)), "objects": str(len(seen))}
     facts |= {name: version(name) for name in ("numpy", "scipy", "opencv-python-headless")}
-    return Workspace(parameters, preparation, universal, tuple(learnt), facts)
+    return Workspace(parameters, look, universal, tuple(learnt), facts)
 
 
 Seen = dict[str, tuple[list[tuple[float, ...]], list[Float32[np.ndarray, " p"]]]]
 """Of each object: q and x of its pictures."""
 
 
-def _prepared(pictures: Iterable[LabelledPicture], parameters: tuple[Parameter, ...]) -> tuple[Preparation, Seen]:
-    preparation, seen = None, Seen()
+def _seen(pictures: Iterable[LabelledPicture], parameters: tuple[Parameter, ...]) -> tuple[Look, Seen, float]:
+    """How pictures are looked at, all of them so, and the variance that the sensor's noise gives each coordinate."""
+    look, seen, lengths = None, Seen(), list[float]()
     for picture in pictures:
         place = ", ".join(f"{each.name} {value:g}" for each, value in zip(parameters, picture.q, strict=False))
         if len(picture.q) != len(parameters):
             allowed = ", ".join(parameter.name for parameter in parameters)
             raise LearningError(f"object {picture.object}: {len(picture.q)} numbers at {place}; needed are {allowed}")
-        if preparation is None:
-            preparation = _preparation(picture)
+        if look is None:
+            height, width = picture.pixels.shape[:2]
+            look = Look.at((width, height), colour=picture.pixels.ndim == 3)
         try:
-            x = preparation.prepare(picture.pixels)
+            x, length = look.seen(picture.pixels)
         except PictureError as error:
             raise PictureError(f"object {picture.object} at {place}: {error}") from error
         qs, xs = seen.setdefault(picture.object, ([], []))
         qs.append(picture.q)
         xs.append(x)
-    if preparation is None:
+        lengths.append(max(length, 1e-9))
+    if look is None:
         raise LearningError("no picture to learn from")
-    return preparation, seen
+    return look, seen, (SENSOR / 255 * look.shrinks / float(np.median(lengths))) ** 2
 
 
-def _preparation(first: LabelledPicture) -> Preparation:
-    """In colour if the first picture is."""
-    height, width = first.pixels.shape[:2]
-    by = min(1.0, SIDE / max(width, height))
-    size = (max(1, round(width * by)), max(1, round(height * by)))
-    return Preparation(size=size, colour=first.pixels.ndim == 3, content="smooth", sigma=1.0).bind((width, height))
-
-
-def _learnt(name: str, grid: Grid, xs: Float32[np.ndarray, "n p"], periods: tuple[float | None, ...]) -> LearntObject:
+def _learnt(
+    name: str, grid: Grid, xs: Float32[np.ndarray, "n p"], periods: tuple[float | None, ...], *, floor: float
+) -> LearntObject:
     try:
-        space: Eigenspace = fit_eigenspace(xs, energy=0.999, k_max=OWN)
+        space: Eigenspace = fit_eigenspace(xs, energy=ENERGY, k_max=OWN)
     except LearningError as error:
         raise LearningError(f"object {name}: {error}") from error
     z = space.project_many(xs)
     off = float(np.median([space.distance(x, at) ** 2 for x, at in zip(xs, z, strict=True)]))
     samples = z[grid.order]
-    strays = left_out(samples, grid.axes, periods).astype(np.float32)
+    strays = left_out(samples, grid.axes, periods)
+    noise = shrunk(strays, floor)
     farthest = float(np.square(strays).sum(axis=1).max()) if len(strays) else 4 * off
-    return LearntObject(name, space, Manifold(grid.axes, samples, periods), strays, off, (farthest + 4 * off) ** 0.5)
+    return LearntObject(name, space, Manifold(grid.axes, samples, periods), noise, off, (farthest + 4 * off) ** 0.5)

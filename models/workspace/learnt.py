@@ -13,7 +13,6 @@ from jaxtyping import Float, Float32, Float64
 from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
 from models.manifold import Manifold
-from models.nearest import refine
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +24,8 @@ class LearntObject:
     """Of this object's pictures alone."""
     manifold: Manifold
     """Over q, in that eigenspace."""
-    strays: Float32[np.ndarray, "n k"]
-    """How pictures that were left out lay off the manifold of the others: the noise that q is found in."""
+    noise: Float64[np.ndarray, "k k"]
+    """Covariance of how pictures that were left out lay off the manifold of the others, in that eigenspace."""
     off: float
     """Squared distance from the eigenspace that its own pictures have."""
     limit: float
@@ -38,28 +37,34 @@ class LearntObject:
         axes = zip(self.manifold.axes, self.manifold.periods, strict=True)
         return np.array([np.diff(axis, append=[] if end is None else axis[0] + end).max() for axis, end in axes])
 
-    @cached_property
-    def typical(self) -> float:
-        """Squared distance that a picture of this object has, as a rule."""
-        within = float(np.median(np.square(self.strays).sum(axis=1))) if len(self.strays) else 0.0
-        return max(within + self.off, 1e-9)
-
     def seen(self, x: Float32[np.ndarray, " p"]) -> tuple[Float64[np.ndarray, " k"], float]:
         """A picture in the eigenspace, and its squared distance from that."""
         z = self.space.project(x)
         return z.astype(np.float64), self.space.distance(x, z) ** 2
 
-    def descend(
-        self, z: Float64[np.ndarray, " k"], q: Float64[np.ndarray, " m"], reach: Float64[np.ndarray, " m"]
-    ) -> tuple[Float64[np.ndarray, " m"], float]:
-        """The closest point of the manifold downhill from q: q, and the squared distance within the eigenspace."""
-        found, distance = refine(self.manifold, z, q, reach)
-        return found, distance**2
+    @cached_property
+    def whiten(self) -> Float64[np.ndarray, "k k"]:
+        """From z to coordinates in which the noise is 1 everywhere, those that tell most of q first.
 
-    def errors(self, q: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, "n m"]:
-        """By how much each of the strays would move q."""
-        slopes = self.manifold.jet(q).slopes
-        return self.strays @ np.linalg.pinv(slopes)
+        Directions in which pictures stray anyway (how they were cropped, what moves by more than itself from sample to
+        sample) count the less: Fisher's discriminant, on a manifold.
+        """
+        values, axes = np.linalg.eigh(self.noise)
+        white = axes / np.sqrt(values)
+        flat = self.manifold.samples.reshape(-1, self.manifold.k).astype(np.float64) @ white
+        _, turn = np.linalg.eigh(np.cov(flat.T).reshape(len(values), -1))
+        return white @ turn[:, ::-1]
+
+    @cached_property
+    def white(self) -> Manifold:
+        """The manifold in those coordinates."""
+        g = self.manifold
+        return Manifold(g.axes, g.samples.astype(np.float64) @ self.whiten, g.periods)
+
+    @cached_property
+    def unwhiten(self) -> Float64[np.ndarray, "k k"]:
+        """The way back."""
+        return np.linalg.inv(self.whiten)
 
     def to_header(self) -> dict[str, Any]:
         """What is not an array."""
@@ -70,7 +75,7 @@ class LearntObject:
         return {
             **{f"space.{name}": array for name, array in self.space.arrays().items()},
             **{f"manifold.{name}": array for name, array in self.manifold.arrays().items()},
-            "strays": self.strays,
+            "noise": self.noise,
         }
 
     @classmethod
@@ -78,12 +83,12 @@ class LearntObject:
         """What `to_header` and `arrays` gave. Raises AppearanceError where they do not make an object."""
         space = Eigenspace.from_arrays(_under("space.", arrays))
         manifold = Manifold.from_parts(header["manifold"], _under("manifold.", arrays))
-        strays = arrays["strays"]
-        if manifold.k != space.k or strays.ndim != 2 or strays.shape[1] != space.k:
+        noise = arrays["noise"]
+        if manifold.k != space.k or noise.shape != (space.k, space.k):
             raise AppearanceError(
-                f"object {header['name']}: {space.k} dimensions, manifold {manifold.k}, {strays.shape}"
+                f"object {header['name']}: {space.k} dimensions, manifold {manifold.k}, {noise.shape}"
             )
-        return cls(str(header["name"]), space, manifold, strays, float(header["off"]), float(header["limit"]))
+        return cls(str(header["name"]), space, manifold, noise, float(header["off"]), float(header["limit"]))
 
 
 def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -109,3 +114,19 @@ def left_out(
             guess = Manifold.over(axis[others], flat, period).at(float(axis[i])).reshape(lines[i].shape)
             found.append((lines[i] - guess).reshape(-1, samples.shape[-1]))
     return np.concatenate(found) if found else np.zeros((0, samples.shape[-1]))
+
+
+def shrunk(strays: Float64[np.ndarray, "n k"], floor: float) -> Float64[np.ndarray, "k k"]:
+    """Their covariance about 0, drawn towards a ball by what so few can tell, plus `floor` in each direction.
+
+    Oracle approximating shrinkage (Chen, Wiesel, Eldar, Hero, IEEE Trans. Signal Processing 58(10), 2010).
+    """
+    n, k = strays.shape
+    unit = np.eye(k)
+    if not n:
+        return floor * unit
+    found = strays.T @ strays / n
+    trace, square = float(np.trace(found)), float(np.square(found).sum())
+    ball = square - trace**2 / k
+    by = 1.0 if ball <= 0 else min(1.0, ((1 - 2 / k) * square + trace**2) / ((n + 1 - 2 / k) * ball))
+    return (1 - by) * found + (by * trace / k + floor) * unit

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64
+from jaxtyping import Float32, Float64
 
 from models.eigenspace import Eigenspace
 from models.errors import NumericError
+from models.nearest import refine
 from models.workspace.grid import Parameter
 from models.workspace.learnt import LearntObject
 from models.workspace.located import Located, Rival
@@ -21,45 +22,110 @@ DENSEST = 4
 """Resampled points per sample and parameter at most."""
 OBJECTS = 5
 """How many objects are looked at closely."""
-STARTS = 4
-"""From how many places of each."""
-_SIGMAS = 2.0
-"""A rival that noise makes this likely is told."""
+STARTS = 5
+"""From how many places of each at most."""
+LOOKED_AT = 6
+"""Of the coarse minima: which of them to begin from is told by these."""
+SCANNED = 16
+"""Whitened coordinates that are compared with all points; the rest joins in when descending."""
+FARTHER = 4.0
+"""Times the closest squared distance so far: an object whose eigenspace alone is as far is not looked at closely."""
+LIKELY = 16.0
+"""A place that is less likely by so many units of squared noise (four standard deviations) is not the truth."""
+ALIKE = 1.2
+"""Another object whose squared distance is less than this times the closest may be the truth."""
+CLOSE = 1e-3
+"""Of the way from sample to sample: places are not looked for more finely."""
+QUIET = 0.4
+"""Of the noise learnt, as a variance: pictures are not taken to be quieter. What they were labelled with errs, too."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A minimum of the distance: its object, q, and squared distance in all."""
+    """A place where a picture fits best round about."""
 
     learnt: LearntObject
     q: Float64[np.ndarray, " m"]
+    covariance: Float64[np.ndarray, "m m"]
+    """Of q, where every whitened coordinate is off by 1."""
+    strays: float
+    """Squared distance in standard deviations of the object's own noise."""
     squared: float
+    """Squared distance as pictures differ, that from the eigenspace included."""
 
 
 @dataclass(frozen=True, eq=False)
-class Coarse:
-    """The resampled manifold of one object in the universal eigenspace."""
+class Resampled:
+    """The resampled manifold of one object."""
 
+    learnt: LearntObject
     q: Float64[np.ndarray, "n m"]
     counts: tuple[int, ...]
-    start: int
-    """Where its points begin among those of all objects."""
+    step: Float64[np.ndarray, " m"]
+    """From point to point."""
 
-    def minima(self, away: Float[np.ndarray, " n"], periods: Sequence[float | None]) -> list[int]:
-        """Points that are no farther than their neighbours along each axis, the closest first."""
+    @classmethod
+    def of(cls, learnt: LearntObject, by: float) -> Resampled:
+        """So many points per sample and parameter."""
+        g = learnt.manifold
+        ends = [period is None for period in g.periods]
+        counts = tuple(round((axis.size - end) * by) + end for axis, end in zip(g.axes, ends, strict=True))
+        spans = [
+            axis[-1] - axis[0] if period is None else period for axis, period in zip(g.axes, g.periods, strict=True)
+        ]
+        step = np.array(spans) / (np.array(counts) - ends)
+        return cls(learnt, g.resample(counts)[0], counts, step)
+
+    @cached_property
+    def _points(self) -> tuple[Float32[np.ndarray, "n k"], Float32[np.ndarray, " n"]]:
+        """Whitened, and half the square of each."""
+        y = np.ascontiguousarray(self.learnt.white.at(self.q)[:, :SCANNED], np.float32)
+        return y, np.einsum("ij,ij->i", y, y) / 2
+
+    def minima(self, y: Float64[np.ndarray, " k"]) -> list[tuple[Float64[np.ndarray, " m"], float]]:
+        """Where to begin to descend: q, and about how far from y it leads, squared; the closest first.
+
+        Points that are no farther from y than their neighbours along each axis. How far down is left between the points
+        is told by a parabola along each axis, in the coordinates scanned; in all of them it is no less.
+        """
+        points, halves = self._points
+        away = halves - points @ y[:SCANNED].astype(np.float32)
         grid = away.reshape(self.counts)
         least = np.ones(self.counts, np.bool_)
-        for axis, period in enumerate(periods):
-            if period is None:
-                ends = [(0, 0)] * grid.ndim
-                ends[axis] = (1, 1)
-                padded = np.moveaxis(np.pad(grid, ends, constant_values=np.inf), axis, 0)
-                near = np.minimum(padded[:-2], padded[2:])
-            else:
-                near = np.moveaxis(np.minimum(np.roll(grid, 1, axis), np.roll(grid, -1, axis)), axis, 0)
-            least &= grid <= np.moveaxis(near, 0, axis)
+        for axis, period in enumerate(self.learnt.manifold.periods):
+            lines, low = np.moveaxis(grid, axis, 0), np.moveaxis(least, axis, 0)
+            rising = lines[1:] >= lines[:-1]
+            low[:-1] &= rising
+            low[1:] &= ~rising
+            if period is not None:
+                seam = lines[0] >= lines[-1]
+                low[-1] &= seam
+                low[0] &= ~seam
         found = np.flatnonzero(least)
-        return sorted((int(i) for i in found), key=lambda i: float(away[i]))
+        found = found[np.argsort(away[found], kind="stable")[:LOOKED_AT]]
+        square = float(y[:SCANNED] @ y[:SCANNED])
+        starts = [
+            (self.q[i] + step, max(square + 2 * low, 0.0))
+            for i in found.tolist()
+            for step, low in [self._vertex(grid, i)]
+        ]
+        return sorted(starts, key=lambda start: start[1])
+
+    def _vertex(self, grid: Float32[np.ndarray, "*n"], index: int) -> tuple[Float64[np.ndarray, " m"], float]:
+        """How far off, and how low, parabolas through a point and its neighbours along each axis have their bottom."""
+        at = np.unravel_index(index, self.counts)
+        middle = bottom = float(grid[at])
+        step = np.zeros(len(self.counts))
+        for axis, period in enumerate(self.learnt.manifold.periods):
+            i, count = int(at[axis]), self.counts[axis]
+            if period is None and not 0 < i < count - 1:
+                continue
+            before, after = (float(grid[(*at[:axis], j % count, *at[axis + 1 :])]) for j in (i - 1, i + 1))
+            bend = before + after - 2 * middle
+            if bend > 0:
+                bottom -= (after - before) ** 2 / (8 * bend)
+                step[axis] = self.step[axis] * (before - after) / (2 * bend)
+        return step, bottom
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,42 +135,43 @@ class Search:
     parameters: tuple[Parameter, ...]
     universal: Eigenspace
     learnt: tuple[LearntObject, ...]
-    coarse: tuple[Coarse, ...]
-    z: Float32[np.ndarray, "n k"]
-    """The resampled points of all objects in the universal eigenspace."""
+    resampled: tuple[Resampled, ...]
 
     @classmethod
     def of(cls, parameters: tuple[Parameter, ...], universal: Eigenspace, learnt: tuple[LearntObject, ...]) -> Search:
         """Resamples each manifold, as densely as POINTS allows."""
         samples = sum(int(np.prod(each.manifold.samples.shape[:-1])) for each in learnt)
         by = min(max((POINTS / samples) ** (1 / len(parameters)), 1.0), DENSEST)
-        coarse: list[Coarse] = []
-        points: list[np.ndarray] = []
-        for each in learnt:
-            g = each.manifold
-            ends = [period is None for period in g.periods]
-            counts = tuple(round((axis.size - end) * by) + end for axis, end in zip(g.axes, ends, strict=True))
-            q, z = g.resample(counts)
-            # Both eigenspaces are orthonormal: from one to the other is a small matrix and a shift.
-            turn = universal.basis @ each.space.basis.T
-            points.append(z @ turn.T + universal.project(each.space.mean))
-            coarse.append(Coarse(q, counts, sum(len(other.q) for other in coarse)))
-        return cls(parameters, universal, learnt, tuple(coarse), np.concatenate(points).astype(np.float32))
+        return cls(parameters, universal, learnt, tuple(Resampled.of(each, by) for each in learnt))
 
     @cached_property
-    def _halves(self) -> Float32[np.ndarray, " n"]:
-        return np.einsum("ij,ij->i", self.z, self.z) / 2
+    def _points(self) -> tuple[Float32[np.ndarray, "n k"], Float32[np.ndarray, " n"], list[int]]:
+        """The points of all objects in the universal eigenspace, half the square of each, where each object begins."""
+        points: list[np.ndarray] = []
+        for each in self.resampled:
+            # Both eigenspaces are orthonormal: from one to the other is a small matrix and a shift.
+            space = each.learnt.space
+            turn = self.universal.basis @ space.basis.T
+            points.append(each.learnt.manifold.at(each.q) @ turn.T + self.universal.project(space.mean))
+        z = np.concatenate(points).astype(np.float32)
+        starts = np.cumsum([0, *(len(each.q) for each in self.resampled[:-1])]).tolist()
+        return z, np.einsum("ij,ij->i", z, z) / 2, starts
+
+    def _candidates(self, x: Float32[np.ndarray, " p"]) -> Iterable[Resampled]:
+        """Objects that are worth a closer look, the likeliest first."""
+        if len(self.resampled) == 1:
+            return self.resampled
+        z, halves, starts = self._points
+        nearest = np.minimum.reduceat(halves - z @ self.universal.project(x), starts)
+        return [self.resampled[int(i)] for i in np.argsort(nearest, kind="stable")[:OBJECTS]]
 
     def locate(self, x: Float32[np.ndarray, " p"]) -> Located:
         """Over everything."""
-        away = self._halves - self.z @ self.universal.project(x)
-        nearest = [float(away[each.start : each.start + len(each.q)].min()) for each in self.coarse]
         found: list[Found] = []
-        for number in sorted(range(len(nearest)), key=nearest.__getitem__)[:OBJECTS]:
-            coarse, learnt = self.coarse[number], self.learnt[number]
-            mine = away[coarse.start : coarse.start + len(coarse.q)]
-            starts = coarse.minima(mine, learnt.manifold.periods)[:STARTS]
-            found += self._descended(x, learnt, [coarse.q[i] for i in starts], learnt.spacing)
+        for each in self._candidates(x):
+            z, off = each.learnt.seen(x)
+            if all(off < FARTHER * other.squared for other in found):
+                found += self._descended(each, z, off)
         return self._told(found)
 
     def locate_near(
@@ -112,11 +179,11 @@ class Search:
     ) -> Located:
         """Over one object, about q."""
         learnt = self.named(name)
-        z, _ = learnt.seen(x)
+        z, off = learnt.seen(x)
         steps = np.linspace(-1, 1, 5 if len(q) < 3 else 3)
         about = q + reach * np.stack(np.meshgrid(*[steps] * len(q), indexing="ij"), axis=-1).reshape(-1, len(q))
-        away = np.square(learnt.manifold.at(about) - z).sum(axis=1)
-        return self._told(self._descended(x, learnt, [about[int(away.argmin())]], reach))
+        away = np.square(learnt.white.at(about) - z @ learnt.whiten).sum(axis=1)
+        return self._told([_descended(learnt, z, off, about[int(away.argmin())], reach)])
 
     def named(self, name: str) -> LearntObject:
         """What is known of an object. Raises NumericError where there is no such."""
@@ -126,35 +193,50 @@ class Search:
         names = ", ".join(each.name for each in self.learnt)
         raise NumericError(f"no object {name} in the workspace; allowed are {names}")
 
-    @staticmethod
-    def _descended(
-        x: Float32[np.ndarray, " p"], learnt: LearntObject, starts: Iterable[np.ndarray], reach: np.ndarray
-    ) -> list[Found]:
-        z, off = learnt.seen(x)
-        ends = [learnt.descend(z, q, reach) for q in starts]
-        return [Found(learnt, q, squared + off) for q, squared in ends]
+    def _descended(self, resampled: Resampled, z: Float64[np.ndarray, " k"], off: float) -> list[Found]:
+        """From wherever it may lead to the likeliest place, or to one that is likely, too."""
+        found: list[Found] = []
+        learnt = resampled.learnt
+        for q, promised in resampled.minima(z @ learnt.whiten):
+            best = min(found, key=lambda each: each.strays, default=None)
+            if best and promised > best.strays + 2 * LIKELY * self._unit(best):
+                break
+            found.append(_descended(learnt, z, off, q, learnt.spacing))
+            if len(found) == STARTS:
+                break
+        return found
 
     def _told(self, found: list[Found]) -> Located:
-        found = sorted(found, key=lambda each: each.squared)
-        best, rivals = found[0], list[Found]()
-        for each in found[1:]:
-            if all(self._apart(each, other) for other in (best, *rivals)):
+        nearest = min(found, key=lambda each: each.squared)
+        best = min((each for each in found if each.learnt is nearest.learnt), key=lambda each: each.strays)
+        rivals = list[Found]()
+        for each in sorted(found, key=lambda each: (each.learnt is not best.learnt, each.strays)):
+            if each is not best and all(self._apart(each, other) for other in (best, *rivals)):
                 rivals.append(each)
+        rivals.sort(key=lambda each: each.squared)
         others = tuple(Rival(each.learnt.name, tuple(each.q.tolist()), each.squared**0.5) for each in rivals)
         distance = best.squared**0.5
         if distance > best.learnt.limit:
             first = Rival(best.learnt.name, tuple(best.q.tolist()), distance)
             return Located(None, None, None, distance, "unknown", (first, *others))
-        likely = [each for each in rivals if _likely(best, each)]
-        errors = best.learnt.errors(best.q)
-        doubt = np.sqrt(np.square(errors).mean(axis=0)) if len(errors) else best.learnt.spacing
-        doubt = doubt * max(1.0, (best.squared / best.learnt.typical) ** 0.5)
+        unit = self._unit(best)
+        doubt = np.sqrt(np.diag(best.covariance) * unit)
+        likely = [each for each in rivals if self._likely(best, each, unit)]
         for each in likely:
             if each.learnt is best.learnt:
                 doubt = np.maximum(doubt, np.abs(self._difference(each.q, best.q)))
         state = "ambiguous" if likely else "known"
-        q, uncertainty = tuple(best.q.tolist()), tuple(doubt.tolist())
-        return Located(best.learnt.name, q, uncertainty, distance, state, others)
+        return Located(best.learnt.name, tuple(best.q.tolist()), tuple(doubt.tolist()), distance, state, others)
+
+    def _unit(self, best: Found) -> float:
+        """Variance of the whitened noise in this picture, by what is left of it where it fits best."""
+        return max(best.strays / max(best.learnt.white.k - len(self.parameters), 1), QUIET)
+
+    def _likely(self, best: Found, rival: Found, unit: float) -> bool:
+        """Whether the rival may be the truth, and noise made the best fit better."""
+        if rival.learnt is best.learnt:
+            return rival.strays - best.strays < LIKELY * unit
+        return rival.squared < min(rival.learnt.limit**2, ALIKE * best.squared)
 
     def _difference(self, a: Float64[np.ndarray, " m"], b: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:
         """The shorter way round where there is a period."""
@@ -169,11 +251,21 @@ class Search:
         return a.learnt is not b.learnt or not near.all()
 
 
-def _likely(best: Found, rival: Found) -> bool:
-    """Whether the rival may be the truth, and noise made the best fit better."""
-    more = rival.squared - best.squared
-    if rival.learnt is not best.learnt:
-        return rival.squared <= rival.learnt.limit**2 and more < best.learnt.typical
-    step = best.learnt.manifold.at(best.q) - rival.learnt.manifold.at(rival.q)
-    noise = np.square(best.learnt.strays @ step).mean() ** 0.5 if len(best.learnt.strays) else 0.0
-    return float(more + step @ step) < 2 * _SIGMAS * float(noise)
+def _descended(
+    learnt: LearntObject, z: Float64[np.ndarray, " k"], off: float, start: Float64[np.ndarray, " m"], reach: np.ndarray
+) -> Found:
+    y = z @ learnt.whiten
+    q, _ = refine(learnt.white, y, start, reach, CLOSE)
+    jet = learnt.white.jet(q)
+    apart = jet.value - y
+    within = apart @ learnt.unwhiten
+    covariance = _inverse(jet.slopes @ jet.slopes.T)
+    return Found(learnt, q, covariance, float(apart @ apart), float(within @ within) + off)
+
+
+def _inverse(square: Float64[np.ndarray, "m m"]) -> Float64[np.ndarray, "m m"]:
+    try:
+        return np.linalg.inv(square)
+    except np.linalg.LinAlgError:
+        # A parameter that changes nothing: nothing is known of it.
+        return np.full_like(square, np.inf)

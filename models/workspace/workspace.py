@@ -15,11 +15,11 @@ from safetensors.numpy import load, save
 
 from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
-from models.preparation import Preparation
 from models.workspace.grid import Parameter
 from models.workspace.learnt import LearntObject
 from models.workspace.located import Located
 from models.workspace.locating import Search
+from models.workspace.look import Look
 
 MAGIC = b"sweep-workspace"
 VERSION = 1
@@ -36,7 +36,8 @@ class Workspace:
     """
 
     parameters: tuple[Parameter, ...]
-    preparation: Preparation
+    look: Look
+    """How pictures are prepared. In colour where the first picture learnt from was."""
     universal: Eigenspace
     """Of the pictures of all objects."""
     learnt: tuple[LearntObject, ...]
@@ -66,7 +67,7 @@ class Workspace:
 
         Raises PictureError where the picture is of another size than those learnt from.
         """
-        return self._search.locate(self.preparation.prepare(pixels))
+        return self._search.locate(self.look.x(pixels))
 
     def locate_near(
         self, pixels: UInt8[np.ndarray, "h w *c"], object: str, q: tuple[float, ...], reach: tuple[float, ...]
@@ -76,7 +77,7 @@ class Workspace:
         Raises PictureError as `locate`; NumericError where there is no such object.
         """
         near, by = np.array(q, np.float64), np.array(reach, np.float64)
-        return self._search.locate_near(self.preparation.prepare(pixels), object, near, by)
+        return self._search.locate_near(self.look.x(pixels), object, near, by)
 
     @cached_property
     def id(self) -> str:
@@ -85,15 +86,12 @@ class Workspace:
 
     def to_bytes(self) -> bytes:
         """The same workspace always gives the same bytes."""
-        arrays = {
-            **{f"preparation.{name}": array for name, array in self.preparation.arrays().items()},
-            **{f"universal.{name}": array for name, array in self.universal.arrays().items()},
-        }
+        arrays = {f"universal.{name}": array for name, array in self.universal.arrays().items()}
         for i, each in enumerate(self.learnt):
             arrays |= {f"{i}.{name}": array for name, array in each.arrays().items()}
         header = {
             "parameters": [[parameter.name, parameter.period] for parameter in self.parameters],
-            "preparation": self.preparation.to_header(),
+            "look": self.look.to_header(),
             "objects": [each.to_header() for each in self.learnt],
             "facts": dict(self.facts),
         }
@@ -112,7 +110,7 @@ class Workspace:
             ]
             made = cls(
                 parameters,
-                Preparation.from_parts(header["preparation"], _under("preparation.", arrays)),
+                Look.from_header(header["look"]),
                 Eigenspace.from_arrays(_under("universal.", arrays)),
                 tuple(objects),
                 header["facts"],
@@ -125,7 +123,7 @@ class Workspace:
             raise AppearanceError(f"the workspace lacks what version {VERSION} holds: {error}") from error
 
     def _checked(self) -> Workspace:
-        p = self.preparation.length()
+        p = self.look.p
         spaces = {"universal": self.universal} | {each.name: each.space for each in self.learnt}
         wrong = [name for name, space in spaces.items() if space.p != p]
         wrong += [each.name for each in self.learnt if each.manifold.m != len(self.parameters)]
