@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import structlog
 
 from inspector.errors import WorldError
+from inspector.service.errors import Stopping
 from inspector.service.events import Events
 from inspector.service.folder import DataFolder, new_id
 from inspector.service.metrics import Metrics
@@ -52,9 +53,12 @@ class _Queue:
             raise TooMuchToDo(self._waiting)
 
     def put(self, work: Callable[[], T]) -> asyncio.Future[T]:
-        """From the event loop."""
+        """From the event loop. Raises Stopping after `close`."""
+        try:
+            future = asyncio.get_running_loop().run_in_executor(self._pool, work)
+        except RuntimeError as error:
+            raise Stopping from error
         self._waiting += 1
-        future = asyncio.get_running_loop().run_in_executor(self._pool, work)
         future.add_done_callback(self._taken)
         return future
 
@@ -93,12 +97,12 @@ class Jobs:
         return job
 
     async def at_once(self, work: Callable[[], T]) -> T:
-        """What comes of long work that somebody waits for. Goes on when they do not. Raises TooMuchToDo."""
+        """What comes of long work that somebody waits for. Goes on when they do not. Raises TooMuchToDo, Stopping."""
         self._at_once.check()
         return await asyncio.shield(self._at_once.put(work))
 
     async def shown(self, work: Callable[[], T]) -> T:
-        """The same for what somebody looks at, which does not wait for replays. Raises TooMuchToDo."""
+        """The same for what somebody looks at, which does not wait for replays. Raises TooMuchToDo, Stopping."""
         self._shown.check()
         return await asyncio.shield(self._shown.put(work))
 

@@ -147,3 +147,11 @@ def test_what_is_expected_anywhere_and_how_densely_it_was_shown(client: TestClie
     assert client.get(f"{path}/reference?s=1.1").status_code == 422
     for asked in ("sampling", "reference"):
         problem(client.get(f"/v1/products/plate/appearances/sha256:0/{asked}"), 404, "no appearance")
+
+
+def test_a_service_that_stops_says_so(tmp_path: Path) -> None:
+    app = create_app(read_settings(data=tmp_path, scorers=1))
+    with TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False) as client:
+        teach(app.state.service)
+        app.state.service.jobs.close()
+        problem(client.get(f"/v1/products/plate/appearances/{learnt().id}/sampling"), 503, "is being stopped")

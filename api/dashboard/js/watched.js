@@ -1,7 +1,15 @@
 // The latest picture of a running inspection with its boxes, as the service tells it.
 
+import { ask } from "./api.js";
 import { h } from "./dom.js";
 import { blobOf, picture } from "./picture.js";
+
+/** The picture that was told last, for who comes later: { blob, scored }; null where there is none, or none any more. */
+export async function latest(inspection) {
+  const response = await ask(`/v1/inspections/${inspection}/picture`);
+  if (response.status !== 200) return null;
+  return { scored: JSON.parse(response.headers.get("Frame-Scored")), blob: await response.blob() };
+}
 
 export function watched({ inspection, events }) {
   const room = h("div", { class: "pane-picture" });
@@ -9,9 +17,12 @@ export function watched({ inspection, events }) {
   const root = h("div", { class: "watched" }, h("figure", { class: "pane seen" }, h("figcaption", {}, "Seen now"), room), note);
   const shown = picture(room, { label: "The camera's latest picture" });
 
+  const later = "Expected and difference are here when the inspection has ended.";
+  let told = false;
+
   async function see(data) {
     if (data.inspection_id !== inspection || document.hidden) return;
-    const later = "Expected and difference are here when the inspection has ended.";
+    told = true;
     try {
       await shown.show(blobOf(data));
       shown.boxes(data.scored.regions);
@@ -23,6 +34,14 @@ export function watched({ inspection, events }) {
 
   const off = events.on("picture", see);
   events.watch(inspection);
+  // What is told from now on goes before it.
+  latest(inspection).then(async (last) => {
+    if (!last || told) return;
+    await shown.show(last.blob);
+    if (told) return;
+    shown.boxes(last.scored.regions);
+    note.textContent = `Frame ${last.scored.index}. ${later}`;
+  }, () => {});
   return {
     root,
     live: true,

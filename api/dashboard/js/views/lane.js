@@ -3,6 +3,7 @@
 import { chart } from "../chart.js";
 import { atFrame, fixed, h, percent, replace, verdict } from "../dom.js";
 import { blobOf, picture } from "../picture.js";
+import { latest } from "../watched.js";
 
 const QUIET_MS = 4000;
 const CHART_PX = 150;
@@ -119,6 +120,15 @@ export function lane(root, app) {
     if (mine === asked && !closed && live.running) tellFrame(data.scored);
   }
 
+  /** The picture that came last before anybody looked: the next may be long in coming. */
+  async function catchUp() {
+    const mine = ++asked;
+    const last = await latest(live.id).catch(() => null);
+    if (!last || mine !== asked || closed) return;
+    await view.show(last.blob);
+    if (mine === asked && !closed && live.running) tellFrame(last.scored);
+  }
+
   /** The frame that tells most: the peak of what was found, or of the score. */
   async function showWhy() {
     const mine = ++asked;
@@ -163,6 +173,7 @@ export function lane(root, app) {
       draw();
       asked++;
       if (!live.running) showWhy();
+      else if (live.facts.frames_scored > 0) catchUp();
     },
     /** More is known of it. */
     update: draw,
