@@ -24,6 +24,8 @@ OBJECTS = 5
 """How many objects are looked at closely."""
 STARTS = 5
 """From how many places of each at most."""
+REACH = 2.0
+"""Spacings that a minimum may lie off the coarse one. Valleys are long and aslant: the points beside one mislead."""
 LOOKED_AT = 6
 """Of the coarse minima: which of them to begin from is told by these."""
 SCANNED = 16
@@ -32,11 +34,13 @@ FARTHER = 4.0
 """Times the closest squared distance so far: an object whose eigenspace alone is as far is not looked at closely."""
 LIKELY = 16.0
 """A place that is less likely by so many units of squared noise (four standard deviations) is not the truth."""
+BEYOND = 1.3
+"""Times an object's limit that a picture may be away if no other object comes within twice that picture's distance."""
 ALIKE = 1.2
 """Another object whose squared distance is less than this times the closest may be the truth."""
 CLOSE = 1e-3
 """Of the way from sample to sample: places are not looked for more finely."""
-QUIET = 0.4
+QUIET = 0.6
 """Of the noise learnt, as a variance: pictures are not taken to be quieter. What they were labelled with errs, too."""
 
 
@@ -201,7 +205,7 @@ class Search:
             best = min(found, key=lambda each: each.strays, default=None)
             if best and promised > best.strays + 2 * LIKELY * self._unit(best):
                 break
-            found.append(_descended(learnt, z, off, q, learnt.spacing))
+            found.append(_descended(learnt, z, off, q, REACH * learnt.spacing))
             if len(found) == STARTS:
                 break
         return found
@@ -216,7 +220,10 @@ class Search:
         rivals.sort(key=lambda each: each.squared)
         others = tuple(Rival(each.learnt.name, tuple(each.q.tolist()), each.squared**0.5) for each in rivals)
         distance = best.squared**0.5
-        if distance > best.learnt.limit:
+        alone = len(self.learnt) > 1 and all(
+            each.learnt is best.learnt or each.squared > FARTHER * best.squared for each in found
+        )
+        if distance > best.learnt.limit * (BEYOND if alone else 1.0):
             first = Rival(best.learnt.name, tuple(best.q.tolist()), distance)
             return Located(None, None, None, distance, "unknown", (first, *others))
         unit = self._unit(best)
