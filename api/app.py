@@ -30,7 +30,9 @@ from api import (
     stream,
     sweeps,
     tokens,
+    tracking,
     trends,
+    workspaces,
 )
 from api.deps import in_thread
 from api.guard import Guard
@@ -51,6 +53,8 @@ ROUTERS = (
     pictures.router,
     stream.router,
     replays.router,
+    workspaces.router,
+    tracking.router,
     trends.router,
     station.router,
     events.router,

@@ -31,18 +31,22 @@ from inspector.policies import PolicyRefused
 from inspector.result_json import BadRecord
 from inspector.scores_json import ScoresUnreadable
 from inspector.service.access import AccessRefused, RoleTooLow
+from inspector.service.archives import ArchiveRefused
 from inspector.service.desk import DeskClosed, WorkerDied, WorkFailed
 from inspector.service.errors import (
     AtCapacity,
     Busy,
+    LocatorLost,
     NoRecipe,
     NotConcluded,
     NotOpen,
     OutOfOrder,
+    PictureRefused,
     RecordingGone,
     ScorerLost,
     Stopping,
     TooManyFrames,
+    TooManyTracked,
 )
 from inspector.service.events import TooManyListeners
 from inspector.service.folder import FolderInUse, FolderRefused, NoFileId
@@ -51,6 +55,7 @@ from inspector.service.pictures import NoSuchPicture
 from inspector.service.replays import NoScores
 from inspector.settings import SettingRefused
 from inspector.stores.base import NoSuch, StoreConflict
+from inspector.workspaces import LabelsRefused
 from models.errors import AppearanceError, InspectionError, NumericError
 
 log = structlog.get_logger(__name__)
@@ -103,6 +108,9 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     SettingRefused: Kind(422, "Not allowed"),
     CameraError: Kind(422, "Camera not usable"),
     WorkFailed: Kind(422, "Cannot be done"),
+    PictureRefused: Kind(422, "Picture not usable"),
+    LabelsRefused: Kind(422, "Labels not usable"),
+    ArchiveRefused: Kind(422, "Archive not usable"),
     # What is wrong here.
     AppearanceError: Kind(500, "Stored file damaged"),
     ScoresUnreadable: Kind(500, "Stored scores damaged"),
@@ -120,6 +128,8 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     Busy: Kind(503, "No room for this frame"),
     Stopping: Kind(503, "Being stopped"),
     TooManyListeners: Kind(503, "Too many listeners"),
+    TooManyTracked: Kind(503, "No capacity"),
+    LocatorLost: Kind(503, "Not located"),
     ScorerLost: Kind(500, "Inspection lost"),
     NotWritten: Kind(507, "Not written"),
     RecordingStopped: Kind(507, "Recording stopped"),

@@ -18,8 +18,8 @@ from inspector.settings import is_loopback
 MAX_JSON = 1 << 20
 """Bytes of a body that is neither a picture nor a recording."""
 HEADERS = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY"}
-_RECORDING = re.compile(r"/v1/products/[^/]*/sweeps")
-_PICTURE = re.compile(r"/v1/inspections/[^/]*/frames")
+_RECORDING = re.compile(r"/v1/products/[^/]*/sweeps|/v1/workspaces")
+_PICTURE = re.compile(r"/v1/inspections/[^/]*/frames|/v1/workspaces/[^/]*/locate")
 
 
 class Guard:

@@ -27,7 +27,8 @@ class JobOut(BaseModel):
 
     job_id: str
     kind: JobKind
-    product_id: str
+    product_id: str | None
+    """Null where it is of no product: a workspace."""
     state: JobState
     progress: float
     """From 0 to 1."""
@@ -43,6 +44,8 @@ class JobOut(BaseModel):
     """Of what was recorded."""
     inspection_id: str | None
     """Of what a replay became."""
+    workspace_id: str | None
+    """Of what was learnt from pictures."""
     said: list[str]
     """What should be looked at, or was lost, a sentence each."""
 
@@ -85,5 +88,6 @@ def _told(job: Job) -> JobOut:
         appearance_id=outcome.get("appearance_id"),
         sweep_id=outcome.get("sweep_id"),
         inspection_id=outcome.get("inspection_id"),
+        workspace_id=outcome.get("workspace_id"),
         said=outcome.get("said", outcome.get("losses", [])),
     )

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from fastapi.requests import Request
 
 from api.deps import in_thread
+from api.errors import WrongType
 from inspector.files import NotWritten
 from inspector.recording import begins_as_mcap
+from inspector.service.archives import BEGINS as ARCHIVE
 from inspector.service.folder import DataFolder, remove
 from inspector.service.sweeps import Received
+from models.workspace.workspace import MAGIC as WORKSPACE
 
+T = TypeVar("T")
+START = 8
+"""Bytes by which a body is known."""
 AT_ONCE = 1 << 20
 """Bytes that are written at once: the event loop only gathers them."""
 
@@ -22,25 +30,46 @@ async def receive_recording(request: Request, folder: DataFolder) -> Received:
 
     Raises NotARecording, NotWritten, BodyTooLarge, ClientDisconnect.
     """
+    _, received = await _receive(request, folder, lambda start: begins_as_mcap(Path("the body"), start))
+    return received
+
+
+async def receive_workspace(request: Request, folder: DataFolder) -> tuple[bytes, Received]:
+    """What the body begins with, WORKSPACE or ARCHIVE, and the body itself, as a recording is received.
+
+    Raises WrongType, NotWritten, BodyTooLarge, ClientDisconnect.
+    """
+    return await _receive(request, folder, _begins_as_workspace)
+
+
+def _begins_as_workspace(start: bytes) -> bytes:
+    for known in (WORKSPACE, ARCHIVE):
+        if start.startswith(known[:START]):
+            return known
+    raise WrongType(f"no workspace, it begins with {start.hex()}", "a learnt workspace, or a ZIP archive of pictures")
+
+
+async def _receive(request: Request, folder: DataFolder, check: Callable[[bytes], T]) -> tuple[T, Received]:
+    """The body on the disk, and what `check` makes of its first bytes; what it refuses is not received."""
     draft = folder.incoming()
     sink = _Sink(draft)
     try:
         await in_thread(sink.open)
-        buffer, begun = bytearray(), False
+        buffer, begins = bytearray(), None
         async for chunk in request.stream():
             buffer += chunk
-            if len(buffer) >= 8:
-                begun = begun or begins_as_mcap(Path("the body"), bytes(buffer[:8]))
+            if len(buffer) >= START:
+                begins = begins or check(bytes(buffer[:START]))
             if len(buffer) >= AT_ONCE:
                 await in_thread(sink.write, bytes(buffer))
                 buffer.clear()
-        begun = begun or begins_as_mcap(Path("the body"), bytes(buffer[:8]))
+        begins = begins or check(bytes(buffer[:START]))
         await in_thread(sink.finish, bytes(buffer))
     except BaseException:
         sink.close()
         remove(draft)
         raise
-    return Received(draft, sink.size, sink.sha256.hexdigest())
+    return begins, Received(draft, sink.size, sink.sha256.hexdigest())
 
 
 class _Sink:

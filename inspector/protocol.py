@@ -30,6 +30,8 @@ that was got, and all since is sent once more; `next_sequence` of `ready` says f
 | `aborted` | `reason`: the inspection ended without a verdict |
 | `problem` | what was wrong, as a problem document; the connection is closed after it |
 
+`/v1/workspaces/{id}/track` takes the same frames; what it answers is in api/README.md.
+
 Credits: every frame sent is answered by exactly one of `scored`, `dropped`, `refused`, `duplicate`, in any order. At
 most `credits` may be unanswered; what is sent beyond is dropped.
 """

@@ -18,6 +18,8 @@ from typing import Protocol
 from inspector.scorers.wire import Head, pack, receive_async
 
 _DEPTH = 2
+_ANSWERED = ("frame", "begin", "locate", "track")
+"""Questions that take a while: a scorer has `_DEPTH` of them at a time."""
 _PIPE_BYTES = 1 << 20
 _PATIENCE_SECONDS = 20.0
 """How long a scorer may take to close its recordings when the service stops."""
@@ -49,7 +51,7 @@ class _Question:
     @property
     def holds(self) -> bool:
         """Whether the next one waits for its answer."""
-        return self.head["do"] in ("frame", "begin")
+        return self.head["do"] in _ANSWERED
 
 
 class Scorer:
@@ -118,6 +120,10 @@ class Scorer:
         """Have an appearance ready before it is needed."""
         self._write(_Question({"do": "load", "appearance_id": appearance_id, "path": path}, b""))
 
+    def dismiss(self, name: str) -> None:
+        """What was tracked under that name is not any more."""
+        self._write(_Question({"do": "forget", "id": name}, b""))
+
     def forget(self, name: str) -> None:
         """The inspection has ended."""
         self.listeners.pop(name, None)
@@ -160,7 +166,7 @@ class Scorer:
             await self._spawn()
 
     def _hear(self, head: Head, body: bytes) -> None:
-        if head["did"] in ("frame", "begun") or head.get("do") in ("frame", "begin"):
+        if head["did"] in ("frame", "begun", "located") or head.get("do") in _ANSWERED:
             self._in_work -= 1
         listener = self.listeners.get(head.get("id") or "")
         if listener is not None:

@@ -8,6 +8,11 @@
 | `drop` | `id`, `count`, `t_ns`: recorded as lost | nothing |
 | `conclude` | `id`, `stopped`, `announced` | `concluded`: `result`, `recording`, `json`; full result, scores |
 | `abort` | `id`, `reason`, `announced` | the same |
+| `locate` | `id`, `sequence`, `workspace_id`, `path`; the picture | `located`: `sequence`, `took`, `refused`; JSON |
+| `track` | the same, `t_ns`, `hand`; what is tracked under that `id` goes on | the same |
+| `forget` | `id`: is not tracked any more | nothing |
+
+What cannot be done is answered by `failed`: `id`, `do`, `sequence`, `why`.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ import numpy as np
 
 from inspector.learner import load_appearance
 from inspector.scorers.inspected import Concluded, Inspected, Names
+from inspector.scorers.located import Located
 from inspector.scorers.tape import Recorded, Tape, TapeThread
 from inspector.scorers.wire import Head, pack, receive
 from models.appearance import Appearance
@@ -54,7 +55,11 @@ class Worker:
             "drop": self._drop,
             "conclude": self._end,
             "abort": self._end,
+            "locate": self._locate,
+            "track": self._locate,
+            "forget": lambda head, _: self._located.forget(head["id"]),
         }
+        self._located = Located(max_pixels)
 
     def run(self, stream: BinaryIO) -> None:
         """Until the stream ends."""
@@ -64,7 +69,8 @@ class Worker:
             try:
                 self._does[head["do"]](head, body)
             except InspectionError as error:
-                self._say({"did": "failed", "id": head.get("id"), "do": head["do"], "why": str(error)})
+                told = {name: head.get(name) for name in ("id", "do", "sequence")}
+                self._say({"did": "failed", **told, "why": str(error)})
         self._tapes.finish()
 
     def _load(self, head: Head, _: bytes) -> None:
@@ -101,6 +107,10 @@ class Worker:
         ended = inspected.end(head["announced"], stopped=head.get("stopped", False), aborted=head.get("reason"))
         # the answer comes from the thread of the tapes, when the recording is closed
         inspected.tape.close(lambda recorded: self._tell(head["id"], ended, recorded))
+
+    def _locate(self, head: Head, body: bytes) -> None:
+        said, answer = self._located.answer(head, body)
+        self._say({"did": "located", "id": head["id"], "sequence": head["sequence"], **said}, answer)
 
     def _tell(self, inspection: str, ended: Concluded, recorded: Recorded) -> None:
         facts = {"frames": recorded.frames, "bytes": recorded.bytes, "note": recorded.note}

@@ -9,6 +9,9 @@ inspector.errors.WorldError
 ├── TooManyFrames            an inspection that is longer than allowed
 ├── OutOfOrder               a frame whose number is not above all before, and that never came
 ├── ScorerLost               the process that scored an inspection is gone
+├── PictureRefused           a picture that cannot be located
+├── LocatorLost              the process that located is gone
+├── TooManyTracked           one part more than may be tracked
 ├── NotConcluded             a result that is not there yet
 └── RecordingGone            a recording that is not there any more
 """
@@ -81,6 +84,26 @@ class ScorerLost(WorldError):
 
     def __init__(self, inspection_id: str, why: str) -> None:
         super().__init__(f"inspection {inspection_id!r} is lost: {why}; begin another one")
+
+
+class PictureRefused(WorldError):
+    """A picture that cannot be located: not readable, or of another size than those learnt from."""
+
+
+class LocatorLost(WorldError):
+    """The process that located is gone."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(f"nothing was located: {why}; send the picture again")
+
+
+class TooManyTracked(WorldError):
+    """One part more than may be tracked."""
+
+    retry_after = 5
+
+    def __init__(self, most: int) -> None:
+        super().__init__(f"{most} parts are tracked, and no more may be; close another connection first")
 
 
 class NotConcluded(WorldError):

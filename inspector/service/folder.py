@@ -1,7 +1,7 @@
 """The data folder: one service at a time, and paths only from ids that the server made.
 
     service.sqlite    service.lock    incoming/
-    sweeps/ID.mcap    appearances/HASH.appearance    inspections/ID.mcap
+    sweeps/ID.mcap    appearances/HASH.appearance    inspections/ID.mcap    workspaces/HASH.workspace
 
 inspector.errors.WorldError
 ├── FolderInUse              a data folder that another service works on
@@ -59,7 +59,7 @@ class DataFolder:
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()
         try:
-            for name in ("sweeps", "appearances", "inspections", "incoming"):
+            for name in ("sweeps", "appearances", "inspections", "workspaces", "incoming"):
                 (self.path / name).mkdir(parents=True, exist_ok=True)
             # Nobody but the owner may change or replace it, whatever the umask says.
             self._lock = os.open(self.path / "service.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -86,10 +86,11 @@ class DataFolder:
 
     def appearance(self, appearance_id: str) -> Path:
         """What was learnt. Raises NoFileId."""
-        found = _HASH.fullmatch(appearance_id)
-        if found is None:
-            raise NoFileId(appearance_id)
-        return self.path / "appearances" / f"{found[1]}.appearance"
+        return self.path / "appearances" / f"{_hash(appearance_id)}.appearance"
+
+    def workspace(self, workspace_id: str) -> Path:
+        """Where objects are. Raises NoFileId."""
+        return self.path / "workspaces" / f"{_hash(workspace_id)}.workspace"
 
     def inspection(self, inspection_id: str) -> Path:
         """The recording of an inspection. Raises NoFileId."""
@@ -126,6 +127,13 @@ def remove(path: Path) -> None:
     """Nothing is there afterwards; it does not matter whether something was."""
     with suppress(OSError):
         path.unlink(missing_ok=True)
+
+
+def _hash(id: str) -> str:
+    found = _HASH.fullmatch(id)
+    if found is None:
+        raise NoFileId(id)
+    return found[1]
 
 
 def _checked(id: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import structlog
 
 from inspector.errors import StoreError, WorldError
-from inspector.scorers.pool import Pool
+from inspector.scorers.pool import Pool, Scorer
 from inspector.service.errors import AtCapacity, NoRecipe, NotOpen, Stopping
 from inspector.service.events import Events
 from inspector.service.folder import DataFolder, new_id
@@ -51,6 +51,8 @@ class Inspections:
     ) -> None:
         self.pool = Pool(scorers, max_pixels)
         self.stopping = False
+        self.beside: Callable[[], Iterable[tuple[Scorer, float]]] = tuple
+        """What else needs a share of the scorers' time."""
         self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
         self._max, self._idle_seconds = max_inspections, idle_seconds
         self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes)
@@ -305,6 +307,8 @@ class Inspections:
         for running in self._running.values():
             needed[running.scorer] += running.load.share
         one_more = sum(needed.values()) / max(count, 1)
+        for scorer, share in self.beside():
+            needed[scorer] += share
         if count and min(needed.values()) + one_more > 1.0:
             return f"the {count} that are running need {sum(needed.values()) / len(needed):.0%} of the scorers' time"
         return None

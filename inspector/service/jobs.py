@@ -85,11 +85,11 @@ class Jobs:
     ) -> None:
         self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
         self._now_ns = now_ns
-        threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1}
+        threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1, "workspace": 1}
         self._queues = {kind: _Queue(count, kind) for kind, count in threads.items()}
         self._at_once, self._shown = _Queue(4, "desk"), _Queue(2, "show")
 
-    async def begin(self, kind: JobKind, product_id: str, request: Json, work: Work) -> Job:
+    async def begin(self, kind: JobKind, product_id: str | None, request: Json, work: Work) -> Job:
         """A job that runs, or waits for its turn. Raises TooMuchToDo."""
         self._queues[kind].check()
         job = await asyncio.to_thread(self._store.add_job, new_id(), kind, product_id, request, self._now_ns())

@@ -17,6 +17,7 @@ from inspector.service.folder import DataFolder
 from inspector.service.inspections import Inspections
 from inspector.service.jobs import Jobs
 from inspector.service.learning import Learning
+from inspector.service.locating import Locating
 from inspector.service.metrics import Metrics
 from inspector.service.pictures import Pictures
 from inspector.service.replays import Replays
@@ -24,6 +25,7 @@ from inspector.service.retention import DAY_NS, Retention, free_bytes, tidy
 from inspector.service.running import Bounds
 from inspector.service.sweeps import Sweeps
 from inspector.service.trends import Trends
+from inspector.service.workspaces import Workspaces
 from inspector.settings import CORES, Settings
 from inspector.stores import AbstractStore, open_store
 from models.errors import InspectionError
@@ -45,6 +47,8 @@ class Service:
     replays: Replays
     pictures: Pictures
     trends: Trends
+    workspaces: Workspaces
+    locating: Locating
     inspections: Inspections
 
     def __init__(self, settings: Settings, now_ns: Callable[[], int] = time.time_ns) -> None:
@@ -106,6 +110,11 @@ class Service:
             bounds=Bounds(window=settings.window, frames=settings.max_frames),
             idle_seconds=settings.idle_seconds,
         )
+        self.workspaces = Workspaces(
+            store, folder, looking=looking, learning=learning, max_bytes=settings.max_recording, now_ns=self.now_ns
+        )
+        self.locating = Locating(store, folder, self.inspections.pool, most=settings.max_inspections)
+        self.inspections.beside = self.locating.loads
         await self.inspections.start()
         self._housekeeper = asyncio.create_task(self._keep_house())
 
@@ -161,6 +170,7 @@ class Service:
         self.started = False
         log.info("stopping", why=why)
         self._stopping.set()
+        self.locating.stop()
         await self.inspections.stop()
         if self._housekeeper is not None:
             await self._housekeeper

@@ -30,7 +30,9 @@ from inspector.replay import replay as replay_recording
 from inspector.result_json import result_record
 from inspector.scores_json import scores_from_bytes, scores_to_bytes
 from inspector.service import showing
+from inspector.service.archives import read_archive
 from inspector.service.showing import load_cached
+from inspector.workspaces import learn_labels, load_workspace
 from models.appearance import Appearance
 from models.drift import changes
 from models.errors import LearningError
@@ -39,6 +41,7 @@ from models.frame import Frame
 from models.judging import judge, rescaled
 from models.limits import promise
 from models.verdict import Policy, Result, ScoredFrame
+from models.workspace import Workspace
 
 Progress = Callable[[float], None]
 Json = dict[str, Any]
@@ -270,6 +273,35 @@ def _medians(profiles: np.ndarray) -> list[float | None]:
     return [round(float(np.median(each)), 6) if len(each) else None for each in columns]
 
 
+def check_workspace(progress: Progress, *, workspace: str) -> Json:
+    """What a learnt file holds: `workspace_id`, `facts`, `bytes`. Raises AppearanceError."""
+    return _workspace(load_workspace(workspace), workspace)
+
+
+def learn_workspace(
+    progress: Progress,
+    *,
+    archive: str,
+    folder: str,
+    periods: Mapping[str, float],
+    workspace: str,
+    max_bytes: int,
+    max_files: int,
+) -> Json:
+    """An archive of labelled pictures as a workspace: the same. Raises ArchiveRefused, LabelsRefused, LearningError."""
+    labels = read_archive(Path(archive), Path(folder), periods, max_bytes=max_bytes, max_files=max_files)
+    return _workspace(learn_labels(labels, workspace, progress), workspace)
+
+
+def _workspace(learnt: Workspace, path: str) -> Json:
+    facts = {
+        "parameters": [{"name": each.name, "period": each.period} for each in learnt.parameters],
+        "objects": list(learnt.objects),
+        "pictures": int(learnt.facts["pictures"]),
+    }
+    return {"workspace_id": learnt.id, "facts": facts, "bytes": Path(path).stat().st_size}
+
+
 TASKS: Mapping[str, Callable[..., Json]] = {
     "survey": survey,
     "record": record,
@@ -281,5 +313,7 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "drift": drift,
     "sampling": sampling,
     "reference": reference,
+    "check_workspace": check_workspace,
+    "learn_workspace": learn_workspace,
     "ignored": ignored,
 }

@@ -10,6 +10,7 @@ inspector.errors.StoreError
 │   ├── NoSuchProduct
 │   ├── NoSuchSweep
 │   ├── NoSuchAppearance
+│   ├── NoSuchWorkspace
 │   ├── NoSuchJob
 │   ├── NoSuchRecipe
 │   ├── NoSuchInspection
@@ -50,6 +51,7 @@ from inspector.stores.records import (
     StoredAppearance,
     StoredInspection,
     StoredRecording,
+    StoredWorkspace,
     Sweep,
     Token,
 )
@@ -117,6 +119,12 @@ class NoSuchAppearance(NoSuch):
     """An id that no appearance of the product has."""
 
     thing = "appearance"
+
+
+class NoSuchWorkspace(NoSuch):
+    """An id that no workspace has."""
+
+    thing = "workspace"
 
 
 class NoSuchJob(NoSuch):
@@ -234,11 +242,25 @@ class AbstractStore(ABC):
     def appearances(self, product_id: str, after: int | None = None, limit: int = 50) -> Page[StoredAppearance]:
         """Those of a product. Raises NoSuchProduct."""
 
+    # Workspaces.
+
+    @abstractmethod
+    def add_workspace(self, workspace: StoredWorkspace) -> StoredWorkspace:
+        """The workspace; the one that is there already, where there is one."""
+
+    @abstractmethod
+    def workspace(self, workspace_id: str) -> StoredWorkspace:
+        """Raises NoSuchWorkspace."""
+
+    @abstractmethod
+    def workspaces(self, after: int | None = None, limit: int = 50) -> Page[StoredWorkspace]:
+        """All of them."""
+
     # Jobs.
 
     @abstractmethod
-    def add_job(self, job_id: str, kind: JobKind, product_id: str, request: Json, t_ns: int) -> Job:
-        """A running job; its product comes into being with it. Raises IdTaken."""
+    def add_job(self, job_id: str, kind: JobKind, product_id: str | None, request: Json, t_ns: int) -> Job:
+        """A running job; its product, where it is of one, comes into being with it. Raises IdTaken."""
 
     @abstractmethod
     def update_job(

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
-JobKind = Literal["learn", "record", "replay"]
+JobKind = Literal["learn", "record", "replay", "workspace"]
 JobState = Literal["running", "done", "failed"]
 InspectionState = Literal["processing", "completed", "aborted", "failed"]
 Ended = Literal["completed", "aborted", "failed"]
 InspectionSource = Literal["live", "replay"]
 SweepSource = Literal["upload", "camera"]
+WorkspaceSource = Literal["upload", "pictures"]
 RecordingState = Literal["being written", "kept", "none", "removed"]
 Decision = Literal["confirm", "overrule"]
 Role = Literal["viewer", "operator", "engineer", "admin"]
@@ -68,12 +69,28 @@ class StoredAppearance:
 
 
 @dataclass(frozen=True)
+class StoredWorkspace:
+    """Where objects are, learnt from pictures; the file is named by the id."""
+
+    workspace_id: str
+    name: str | None
+    """What people call it."""
+    created_ns: int
+    source: WorkspaceSource
+    """`upload`: it came learnt; `pictures`: it was learnt here."""
+    facts: Json
+    """`parameters`, `objects`, `pictures`."""
+    bytes: int
+
+
+@dataclass(frozen=True)
 class Job:
     """Long work, and how far it is."""
 
     job_id: str
     kind: JobKind
-    product_id: str
+    product_id: str | None
+    """None where it is of no product: a workspace."""
     state: JobState
     progress: float
     """From 0 to 1."""

@@ -54,7 +54,7 @@ def needed(method: str, path: str) -> str:
         return "admin"
     if method == "get":
         return "viewer"
-    return "operator" if path.startswith(OPERATORS) else "engineer"
+    return "operator" if path.startswith(OPERATORS) or path.endswith("/locate") else "engineer"
 
 
 def ask(client: TestClient, method: str, path: str, headers: dict[str, str]) -> Any:

@@ -11,6 +11,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -34,12 +35,22 @@ from inspector.stores.base import (
     NoSuchRecipe,
     NoSuchSweep,
     NoSuchToken,
+    NoSuchWorkspace,
     NotEnded,
     NothingToDecide,
     StoreFailed,
     StoreNotOpened,
 )
-from inspector.stores.records import Claim, Page, Product, Recipe, StoredAppearance, StoredInspection, Sweep
+from inspector.stores.records import (
+    Claim,
+    Page,
+    Product,
+    Recipe,
+    StoredAppearance,
+    StoredInspection,
+    StoredWorkspace,
+    Sweep,
+)
 from inspector.stores.sql import SqlStore
 from inspector.stores.sql.tables import METADATA
 from tests.system.repository import ROOT
@@ -168,6 +179,7 @@ class StoreContract(ABC):
             (NoSuchProduct, lambda: store.activate_recipe("?", "r", actor="ann", t_ns=NOW)),
             (NoSuchSweep, lambda: store.sweep("?")),
             (NoSuchAppearance, lambda: store.appearance("plate", "?")),
+            (NoSuchWorkspace, lambda: store.workspace("?")),
             (NoSuchAppearance, lambda: store.add_recipe("r", "plate", "?", {}, actor="ann", t_ns=NOW)),
             (NoSuchAppearance, lambda: begin(store, "i", appearance_id="?")),
             (NoSuchJob, lambda: store.job("?")),
@@ -194,7 +206,29 @@ class StoreContract(ABC):
             assert store.add_audit(t_ns=NOW, actor=odd, action="a", thing="t", after={"odd": odd}).actor == kept
         assert store.audit(after=10**30, limit=1).items[0].actor == "x" * 10_000
 
+    # Workspaces.
+
+    def test_workspaces_are_of_no_product_and_listed_newest_first(self, store: AbstractStore) -> None:
+        made = [
+            StoredWorkspace(f"sha256:{k}", name, NOW + k, "upload", {"objects": ["cup"]}, 7_000_000_000)
+            for k, name in enumerate(["cups", None, "jig"])
+        ]
+        assert [store.add_workspace(each) for each in made] == made
+        assert store.workspace("sha256:1") == made[1]
+        assert [*all_pages(lambda after: store.workspaces(after, 2))] == made[::-1]
+        again = replace(made[0], name="other", created_ns=NOW + 9)
+        assert store.add_workspace(again) == made[0]
+        assert len(store.workspaces().items) == 3
+        assert store.products().items == ()
+
     # Jobs.
+
+    def test_a_job_may_be_of_no_product(self, store: AbstractStore) -> None:
+        job = store.add_job("j1", "workspace", None, {}, NOW)
+        assert job.product_id is None
+        assert store.jobs().items == (job,)
+        assert store.jobs(product_id="plate").items == ()
+        assert store.products().items == ()
 
     def test_a_job_runs_and_ends_once(self, store: AbstractStore) -> None:
         job = store.add_job("j1", "learn", "plate", {"sweep_ids": ["s1"]}, NOW)
@@ -576,8 +610,10 @@ class DurableStoreContract(StoreContract):
             begin(store, "i1")
             was = conclude(store, "i1", "NG")
             store.add_token("t1", "line 3", "operator", "cd" * 32, actor="ann", t_ns=NOW)
+            job = store.add_job("j1", "learn", "plate", {"sweep_ids": ["s1"]}, NOW)
             behind(
                 store,
+                "DROP TABLE workspaces",
                 "DROP TABLE dispositions",
                 "ALTER TABLE inspections DROP COLUMN disposition",
                 "UPDATE alembic_version SET version_num = '0001'",
@@ -585,6 +621,7 @@ class DurableStoreContract(StoreContract):
         with open_store(url) as store:
             assert (store.inspection("i1"), store.scores("i1"), len(store.audit().items)) == (was, b"scores", 1)
             assert store.dispose("i1", "confirm", None, actor="ann", t_ns=NOW).disposition is not None
+            assert (store.job("j1"), store.add_job("j2", "workspace", None, {}, NOW).product_id) == (job, None)
             with pytest.raises(DBAPIError, match="the audit trail is append-only"):
                 behind(store, "DELETE FROM audit")
 

@@ -15,7 +15,7 @@ from inspector.stores.sql.tables import JOBS
 class Jobs(Room):
     """Jobs."""
 
-    def add_job(self, job_id: str, kind: JobKind, product_id: str, request: Json, t_ns: int) -> Job:
+    def add_job(self, job_id: str, kind: JobKind, product_id: str | None, request: Json, t_ns: int) -> Job:
         values = {
             "job_id": job_id,
             "kind": kind,
@@ -26,7 +26,8 @@ class Jobs(Room):
             "request": request,
         }
         with self._database.writing() as connection:
-            ensure_product(connection, product_id, t_ns)
+            if product_id is not None:
+                ensure_product(connection, product_id, t_ns)
             return made(Job, insert_new(connection, JOBS, "job", job_id, values))
 
     def update_job(

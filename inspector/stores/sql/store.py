@@ -15,10 +15,11 @@ from inspector.stores.sql.migrating import migrate
 from inspector.stores.sql.products import Products
 from inspector.stores.sql.recipes import Recipes
 from inspector.stores.sql.reservation import Reservation
+from inspector.stores.sql.workspaces import Workspaces
 
 
 @final
-class SqlStore(Products, Jobs, Recipes, Inspections, Access, Claims):
+class SqlStore(Products, Workspaces, Jobs, Recipes, Inspections, Access, Claims):
     """A store on SQLite or PostgreSQL."""
 
     _reservation: Reservation | None = None

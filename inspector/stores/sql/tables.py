@@ -99,13 +99,26 @@ APPEARANCES = Table(
     sqlite_autoincrement=True,
 )
 
+WORKSPACES = Table(
+    "workspaces",
+    METADATA,
+    _number(),
+    Column("workspace_id", Words, nullable=False, unique=True),
+    Column("name", Words),
+    Column("created_ns", BigInteger, nullable=False),
+    Column("source", Words, nullable=False),
+    _json("facts"),
+    Column("bytes", BigInteger, nullable=False),
+    sqlite_autoincrement=True,
+)
+
 JOBS = Table(
     "jobs",
     METADATA,
     _number(),
     Column("job_id", Words, nullable=False, unique=True),
     Column("kind", Words, nullable=False),
-    _product(),
+    _product(nullable=True),
     Column("state", Words, nullable=False),
     Column("progress", Float, nullable=False),
     Column("created_ns", BigInteger, nullable=False),

@@ -1,0 +1,70 @@
+"""Workspaces of the service: learnt elsewhere and uploaded, or learnt here from an archive of labelled pictures."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from inspector.service.desk import Desk, naming
+from inspector.service.folder import DataFolder, remove
+from inspector.stores.base import AbstractStore
+from inspector.stores.records import Json, StoredWorkspace, WorkspaceSource
+
+MAX_FILES = 100_000
+"""Of an archive."""
+
+
+class Workspaces:
+    """Adds workspaces. Everything here blocks."""
+
+    def __init__(
+        self,
+        store: AbstractStore,
+        folder: DataFolder,
+        *,
+        looking: Desk,
+        learning: Desk,
+        max_bytes: int,
+        now_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._store, self._folder, self._looking, self._learning = store, folder, looking, learning
+        self._max_bytes, self._now_ns = max_bytes, now_ns
+
+    def keep(self, draft: Path, name: str | None) -> StoredWorkspace:
+        """A learnt file that was received, where it is one. Raises WorkFailed, NotWritten."""
+        with naming({str(draft): "the workspace"}):
+            found = self._looking.do("check_workspace", {"workspace": str(draft)})
+        return self._add(draft, name, "upload", found)
+
+    def learn(
+        self, progress: Callable[[float], object], archive: Path, name: str | None, periods: Mapping[str, float]
+    ) -> Json:
+        """From an archive that was received, as the outcome of a job; the archive is removed.
+
+        Raises WorkFailed, NotWritten.
+        """
+        draft, unpacked = self._folder.incoming(), self._folder.incoming()
+        asked: Json = {
+            "archive": str(archive), "folder": str(unpacked), "periods": dict(periods), "workspace": str(draft),
+            "max_bytes": self._max_bytes, "max_files": MAX_FILES,
+        }  # fmt: skip
+        try:
+            with naming({f"{unpacked}/": "", str(archive): "the archive", str(draft): "the workspace"}):
+                found = self._learning.do("learn_workspace", asked, progress)
+            stored = self._add(draft, name, "pictures", found)
+        finally:
+            shutil.rmtree(unpacked, ignore_errors=True)
+            remove(draft)
+            remove(archive)
+        return {"workspace_id": stored.workspace_id}
+
+    def _add(self, draft: Path, name: str | None, source: WorkspaceSource, found: Json) -> StoredWorkspace:
+        path = self._folder.workspace(found["workspace_id"])
+        # The name is the hash of what is in it: what is there already is the same.
+        if not path.exists():
+            self._folder.keep(draft, path)
+        return self._store.add_workspace(
+            StoredWorkspace(found["workspace_id"], name, self._now_ns(), source, found["facts"], found["bytes"])
+        )
