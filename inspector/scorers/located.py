@@ -38,6 +38,10 @@ class Located:
         """
         since = self._clock()
         workspace = self._workspace(head)
+        if head["do"] == "prepare":
+            # what is searched in is made when it is asked for
+            workspace.reach(workspace.objects[0])
+            return {"took": self._clock() - since}, b""
         try:
             pixels = decode(EncodedPicture(kind_of(picture) or "", picture), max_pixels=self._max_pixels)
             made = self._track(head, workspace, pixels) if head["do"] == "track" else self._locate(workspace, pixels)

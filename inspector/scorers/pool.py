@@ -18,7 +18,7 @@ from typing import Protocol
 from inspector.scorers.wire import Head, pack, receive_async
 
 _DEPTH = 2
-_ANSWERED = ("frame", "begin", "locate", "track")
+_ANSWERED = ("frame", "begin", "prepare", "locate", "track")
 """Questions that take a while: a scorer has `_DEPTH` of them at a time."""
 _PIPE_BYTES = 1 << 20
 _PATIENCE_SECONDS = 20.0

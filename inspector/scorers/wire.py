@@ -10,6 +10,7 @@
 | `abort` | `id`, `reason`, `announced` | the same |
 | `locate` | `id`, `sequence`, `workspace_id`, `path`; the picture | `located`: `sequence`, `took`, `refused`; JSON |
 | `track` | the same, `t_ns`, `hand`; what is tracked under that `id` goes on | the same |
+| `prepare` | `id`, `sequence`, `workspace_id`, `path`: have it ready | `located`, without more |
 | `forget` | `id`: is not tracked any more | nothing |
 
 What cannot be done is answered by `failed`: `id`, `do`, `sequence`, `why`.

@@ -55,6 +55,7 @@ class Worker:
             "drop": self._drop,
             "conclude": self._end,
             "abort": self._end,
+            "prepare": self._locate,
             "locate": self._locate,
             "track": self._locate,
             "forget": lambda head, _: self._located.forget(head["id"]),

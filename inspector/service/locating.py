@@ -82,9 +82,15 @@ class Trail:
         """Where the hand is at the frames that come."""
         self.load = Load()
         self._facts: Head = {"workspace_id": workspace.workspace_id, "path": path}
+        self._ready: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._last = -1
         self._at_work = False
         self._newest: tuple[SentFrame, tuple[float, ...] | None] | None = None
+
+    async def prepare(self) -> None:
+        """Have the scorer ready for frames. Raises AppearanceError, LocatorLost."""
+        self.scorer.ask(self, {"do": "prepare", "id": self.id, "sequence": 0, **self._facts})
+        await self._ready
 
     def offer(self, sent: SentFrame) -> None:
         """Every frame is answered by one message: `located`, `refused`, `dropped` or `duplicate`."""
@@ -114,6 +120,12 @@ class Trail:
 
     def heard(self, head: Head, body: bytes) -> None:
         """See Listener."""
+        if not self._ready.done():
+            if head["did"] == "failed":
+                self._ready.set_exception(AppearanceError(head["why"]))
+            else:
+                self._ready.set_result(None)
+            return
         self._at_work = False
         if head["did"] == "failed":
             self.end(head["why"])
@@ -132,6 +144,8 @@ class Trail:
 
     def died(self, why: str) -> None:
         """See Listener."""
+        if not self._ready.done():
+            self._ready.set_exception(LocatorLost(why))
         self.end(why)
 
     def _ask(self, sent: SentFrame, hand: tuple[float, ...] | None) -> None:
@@ -164,7 +178,10 @@ class Locating:
         return await self._lines[min(scorers, key=lambda each: (each.waiting, each.number))].locate(facts, picture)
 
     async def track(self, workspace_id: str) -> Trail:
-        """A part to be tracked, until `forget`. Raises NoSuchWorkspace, TooManyTracked, LocatorLost, Stopping."""
+        """A part to be tracked, until `forget`; its workspace is loaded.
+
+        Raises NoSuchWorkspace, TooManyTracked, LocatorLost, AppearanceError, Stopping.
+        """
         workspace = await asyncio.to_thread(self._store.workspace, workspace_id)
         scorers = self._alive()
         if len(self._trails) >= self._most:
@@ -172,6 +189,11 @@ class Locating:
         scorer = min(scorers, key=lambda each: (len(each.listeners), each.number))
         trail = Trail(scorer, workspace, str(self._folder.workspace(workspace_id)))
         self._trails[trail.id] = trail
+        try:
+            await trail.prepare()
+        except BaseException:
+            self.forget(trail)
+            raise
         return trail
 
     def forget(self, trail: Trail) -> None:

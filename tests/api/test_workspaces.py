@@ -195,6 +195,14 @@ def tracked(client: TestClient, name: str) -> Any:
     return client.websocket_connect(f"ws://127.0.0.1/v1/workspaces/{name}/track")
 
 
+def nothing_tracked(client: TestClient) -> None:
+    """Connections that were closed are forgotten soon, not at once."""
+    until = time.monotonic() + 10
+    while [*client.app.state.service.locating.loads()]:  # type: ignore[attr-defined]
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
 def send(socket: Any, frame: Frame) -> None:
     socket.send_bytes(SentFrame(frame.sequence, frame.t_ns, None, jpeg(frame)).to_bytes())
 
@@ -244,6 +252,31 @@ def test_every_frame_is_answered_and_of_too_many_the_newest_is_located(client: T
     assert located[-1] == 29
 
 
+def test_what_is_tracked_counts_as_work_and_is_forgotten_with_its_connection(client: TestClient, uploaded: str) -> None:
+    nothing_tracked(client)
+    locating = client.app.state.service.locating  # type: ignore[attr-defined]
+    with tracked(client, uploaded) as socket:
+        talk = Stream(socket)
+        for n in range(16):
+            send(socket, seen(0, 0, n))
+            talk.hear("located")
+        ((_, share),) = locating.loads()
+        assert 0 < share < 1
+    nothing_tracked(client)
+
+
+def test_no_more_parts_are_tracked_than_may_be(
+    client: TestClient, uploaded: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nothing_tracked(client)
+    monkeypatch.setattr(client.app.state.service.locating, "_most", 1)  # type: ignore[attr-defined]
+    with tracked(client, uploaded) as socket:
+        Stream(socket).hear("ready")
+        with pytest.raises(WebSocketDenialResponse) as refused, tracked(client, uploaded):
+            pass
+    assert (refused.value.status_code, refused.value.headers["retry-after"]) == (503, "5")
+
+
 def test_what_is_not_understood_is_said_and_tracking_goes_on(client: TestClient, uploaded: str) -> None:
     with tracked(client, uploaded) as socket:
         talk = Stream(socket)
@@ -262,6 +295,19 @@ def test_nothing_is_tracked_by_a_workspace_that_is_not_there(client: TestClient)
     with pytest.raises(WebSocketDenialResponse) as refused, tracked(client, "sha256:0"):
         pass
     assert refused.value.status_code == 404
+
+
+def test_a_workspace_whose_file_was_damaged_is_said_before_any_frame(client: TestClient) -> None:
+    other = learn_displacements(camera(), count=4)
+    assert client.post("/v1/workspaces", content=other.to_bytes()).status_code == 201
+    folder = client.app.state.service.folder  # type: ignore[attr-defined]
+    folder.workspace(other.id).write_bytes(other.to_bytes()[:-1])
+    with pytest.raises(WebSocketDenialResponse) as refused, tracked(client, other.id):
+        pass
+    assert refused.value.status_code == 500
+    assert refused.value.json()["title"] == "Stored file damaged"
+    located = client.post(f"/v1/workspaces/{other.id}/locate", content=jpeg(seen(0, 0)), headers=JPEG)
+    assert located.status_code == 500
 
 
 def test_locating_changes_nothing_of_an_inspection(client: TestClient, uploaded: str) -> None:
