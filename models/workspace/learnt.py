@@ -14,6 +14,9 @@ from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
 from models.manifold import Manifold
 
+ASKED = 60
+"""Samples by which it is told how exactly an object can be placed."""
+
 
 @dataclass(frozen=True, eq=False)
 class LearntObject:
@@ -65,6 +68,13 @@ class LearntObject:
     def unwhiten(self) -> Float64[np.ndarray, "k k"]:
         """The way back."""
         return np.linalg.inv(self.whiten)
+
+    @cached_property
+    def expected(self) -> float:
+        """Error of q to be expected, in shares of the spacing: the worst parameter's, at the usual sample."""
+        places = np.stack(np.meshgrid(*self.manifold.axes, indexing="ij"), axis=-1).reshape(-1, self.manifold.m)
+        slopes = [self.white.jet(q).slopes for q in places[:: -(-len(places) // ASKED)]]
+        return float(np.median([(np.diag(inverse(each @ each.T)) ** 0.5 / self.spacing).max() for each in slopes]))
 
     def to_header(self) -> dict[str, Any]:
         """What is not an array."""
@@ -130,3 +140,11 @@ def shrunk(strays: Float64[np.ndarray, "n k"], floor: float) -> Float64[np.ndarr
     ball = square - trace**2 / k
     by = 1.0 if ball <= 0 else min(1.0, ((1 - 2 / k) * square + trace**2) / ((n + 1 - 2 / k) * ball))
     return (1 - by) * found + (by * trace / k + floor) * unit
+
+
+def inverse(square: Float64[np.ndarray, "m m"]) -> Float64[np.ndarray, "m m"]:
+    """Infinite where there is none: a parameter that changes nothing, of which nothing is known."""
+    try:
+        return np.linalg.inv(square)
+    except np.linalg.LinAlgError:
+        return np.full_like(square, np.inf)

@@ -13,7 +13,7 @@ from models.eigenspace import Eigenspace
 from models.errors import NumericError
 from models.nearest import refine
 from models.workspace.grid import Parameter
-from models.workspace.learnt import LearntObject
+from models.workspace.learnt import LearntObject, inverse
 from models.workspace.located import Located, Rival
 
 POINTS = 16_000
@@ -266,13 +266,5 @@ def _descended(
     jet = learnt.white.jet(q)
     apart = jet.value - y
     within = apart @ learnt.unwhiten
-    covariance = _inverse(jet.slopes @ jet.slopes.T)
+    covariance = inverse(jet.slopes @ jet.slopes.T)
     return Found(learnt, q, covariance, float(apart @ apart), float(within @ within) + off)
-
-
-def _inverse(square: Float64[np.ndarray, "m m"]) -> Float64[np.ndarray, "m m"]:
-    try:
-        return np.linalg.inv(square)
-    except np.linalg.LinAlgError:
-        # A parameter that changes nothing: nothing is known of it.
-        return np.full_like(square, np.inf)

@@ -13,8 +13,8 @@ from jaxtyping import Float32, UInt
 from models.errors import AppearanceError
 from models.preparation import Preparation, Size
 
-SIDE, SIGMA, STRIDE = 64, 2.0, 2
-"""Pixels of the longer side that pictures are scaled to; by how many they are smoothed then; every so many are kept.
+SIDES, SIGMA, STRIDE = (64, 128), 2.0, 2
+"""Pixels of the longer side that pictures may be scaled to; by how many they are smoothed then; every so many are kept.
 
 Splines join pictures well where what moves between two of them is wider than its way. Scaling down at once to every
 second pixel costs a third of the precision: averages over squares let fine texture alias.
@@ -25,7 +25,7 @@ second pixel costs a third of the precision: averages over squares let fine text
 class Look:
     """Scaled, smoothed, thinned out, of length 1, so that the lamp's strength does not count.
 
-    >>> look = Look.at((128, 96), colour=False)
+    >>> look = Look.at((128, 96), colour=False, side=64)
     >>> x = look.x(np.full((96, 128), 7, np.uint8))
     >>> x.shape, round(float(x @ x), 6)
     ((768,), 1.0)
@@ -37,12 +37,12 @@ class Look:
     """Every so many rows and columns are kept."""
 
     @classmethod
-    def at(cls, picture: Size, *, colour: bool) -> Look:
-        """For pictures of this (width, height)."""
-        by = min(1.0, SIDE / max(picture))
+    def at(cls, picture: Size, *, colour: bool, side: int) -> Look:
+        """For pictures of this (width, height), scaled to no more than `side` pixels."""
+        by = min(1.0, side / max(picture))
         size = (max(1, round(picture[0] * by)), max(1, round(picture[1] * by)))
-        stride = STRIDE if min(size) >= SIDE // 4 else 1
-        sigma = SIGMA * max(size) / SIDE
+        stride = STRIDE if min(size) >= side // 4 else 1
+        sigma = SIGMA * max(size) / side
         how = Preparation(size=size, colour=colour, content="smooth", sigma=sigma, unit_energy=False)
         return cls(how.bind(picture), stride)
 
@@ -87,3 +87,9 @@ class Look:
         if preparation.picture is None or preparation.size is None or preparation.windows or stride < 1:
             raise AppearanceError(f"the workspace looks at {preparation.picture} pixels, every {stride}")
         return cls(preparation, stride)
+
+
+def looks(picture: Size, *, colour: bool) -> list[Look]:
+    """Those that pictures of this (width, height) allow, the coarsest first."""
+    sides = [side for side in SIDES if side == SIDES[0] or side <= max(picture)]
+    return [Look.at(picture, colour=colour, side=side) for side in sides]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -92,3 +93,18 @@ def test_what_cannot_be_learnt_is_refused_by_name() -> None:
     same = [LabelledPicture("a", (value,), flat + 9) for value in (0.0, 1.0)]
     with pytest.raises(LearningError):
         learn_workspace(same, XY[:1])
+
+
+@pytest.mark.parametrize(("step", "side"), [(1.0, 128), (3.0, 64)])
+def test_fine_texture_is_looked_at_closely_where_steps_are_short(step: float, side: int) -> None:
+    ground = cv2.GaussianBlur(np.random.default_rng(5).standard_normal((200, 400)), (0, 0), 2.0)
+    part = (128 + 40 * ground / ground.std()).astype(np.float32)
+    learnt = [LabelledPicture("part", (x,), _wide(part, x)) for x in step * np.arange(-4, 5)]
+    workspace = learn_workspace(learnt, XY[:1])
+    assert workspace.look.shape[1] == side
+
+
+def _wide(part: np.ndarray, x: float) -> np.ndarray:
+    moved = np.array([[1.0, 0, 100 + x], [0, 1, 30]])
+    seen = cv2.warpAffine(part, moved, (192, 144), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    return np.clip(seen, 0, 255).astype(np.uint8)
