@@ -40,7 +40,8 @@ SEEN_TEXT = """() => {
     const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
     while (walker.nextNode()) {
         const node = walker.currentNode.parentElement;
-        if (!walker.currentNode.textContent.trim() || node.closest("script, svg, option, .unseen, .skip")) continue;
+        if (!walker.currentNode.textContent.trim()) continue;
+        if (node.closest("script, svg, option, .for-readers, .skip")) continue;
         if (!node.checkVisibility({ visibilityProperty: true })) continue;
         if (node.matches(":disabled, :disabled *")) continue;
         const style = getComputedStyle(node);

@@ -199,6 +199,10 @@ def test_it_grows_while_it_runs_and_is_whole_when_it_ends(seen: Seen, station: S
         page.wait_for_selector(".at-facts >> text=20 scored")
         page.wait_for_selector(".readout >> text=19")
         assert "☀ too bright" in page.locator(".at-found tbody").inner_text()
+        panel, picture = (page.locator(each).bounding_box() for each in (".panel.sweep", ".pane.seen canvas"))
+        assert panel is not None
+        assert picture is not None
+        assert picture["y"] + picture["height"] < panel["y"] + panel["height"]
         seen.shot("inspection-running", full=True)
         send(*frames(BAD)[20:])
         result = inspection.conclude()
@@ -275,6 +279,16 @@ def test_every_number_is_there_but_only_rows_in_sight_are_drawn(look: Callable[.
     row.click()
     at_frame(seen, 150)
     assert page.locator(".vtable-row[aria-selected=true]").count() == 1
+
+
+def test_stretches_that_were_not_seen_are_listed(seen: Seen, station: Station) -> None:
+    half = station.inspect(f"{GOOD}&stop=0.5", "half-1")
+    page = seen.open(address(half["inspection_id"]), wait=READY)
+    stretch = page.locator(".at-found .unseen li")
+    assert stretch.inner_text().endswith("–1.000: no frame came")
+    box = stretch.bounding_box()
+    assert box is not None
+    assert box["width"] > 100
 
 
 def test_what_is_not_there_is_told(seen: Seen, station: Station) -> None:

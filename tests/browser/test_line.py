@@ -209,8 +209,9 @@ def test_sound_is_off_until_it_is_asked_for(seen: Seen) -> None:
     ("name", "width", "height"), [("tablet", 820, 1180), ("wide", 1920, 1080), ("phone", 390, 844)]
 )
 def test_nothing_is_cut_off(look: Callable[..., Seen], station: Station, name: str, width: int, height: int) -> None:
+    station.inspect(BAD, f"on a {name}")
     seen = look(station.url, viewport={"width": width, "height": height}, has_touch=name != "wide")
-    page = seen.open(wait=".lane")
+    page = seen.open(wait=".lane .caption >> text=Frame")
     page.wait_for_selector("#station[data-state=ready]")
     assert page.evaluate("() => document.documentElement.scrollWidth") <= width
     for size in page.eval_on_selector_all(

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
 
+from inspector.cameras import open_camera
+from inspector.recorder import record
 from models.verdict import ALLOWED, Policy
 from tests.api.stations import BAD, GOOD, PRODUCT, material
 from tests.browser.conftest import NEXT_FRAMES, Seen, Station
 
 RECIPE = f"#/recipe/{PRODUCT}"
+QUICK = "simulated:?frames=22&size=240x180&part=plate&path=line&pace=0.5"
 FAINT = "unit=7&seed=7&defect=spot&at=0.5&strength=0.5"
 
 
@@ -114,7 +118,6 @@ def test_a_golden_sweep_is_uploaded_and_learnt_from(seen: Seen, station: Station
     page.wait_for_selector(".news >> text=Version 1 is saved")
     page.click("#tab-learning")
     page.wait_for_selector(".speed .uplot")
-    seen.both("recipe-golden-sweeps", full=True)
     page.click("#tab-masks")
     page.wait_for_selector("text=Nearest reference picture")
     page.focus("canvas.picture")
@@ -126,6 +129,37 @@ def test_a_golden_sweep_is_uploaded_and_learnt_from(seen: Seen, station: Station
     first, second = httpx2.get(f"{station.url}/v1/products/fresh/appearances").json()["items"]
     assert first["sweep_ids"] == second["sweep_ids"]
     assert first["appearance_id"] != second["appearance_id"]
+
+
+def test_while_it_learns_it_says_how_far_it_is_and_then_where_the_sweep_was_too_quick(
+    seen: Seen, station: Station, tmp_path: Path
+) -> None:
+    mcap = {"content-type": "application/octet-stream"}
+    for number in (1, 2, 3):
+        path = tmp_path / f"{number}.mcap"
+        with open_camera(f"{QUICK}&unit={number}&seed={number}") as camera:
+            record(camera, path, lossless=True)
+        address = f"{station.url}/v1/products/quick/sweeps?part_id=G{number}"
+        httpx2.post(address, content=path.read_bytes(), headers=mcap).raise_for_status()
+    page = seen.open("#/recipe/quick", wait=".sweeps tbody tr")
+    for number in (1, 2, 3):
+        page.get_by_label(f"Learn from sweep of G{number}").check()
+    page.click("text=Learn from 3 sweeps")
+    page.wait_for_selector(".job progress")
+    seen.shot("recipe-learning", full=True)
+    page.wait_for_selector(".news >> text=is learnt")
+    page.wait_for_selector(".advice li >> text=times slower")
+    assert "From 3 sweeps" in page.inner_text(".facts").replace("\n", " ")
+    seen.both("recipe-golden-sweeps", full=True)
+
+
+def test_products_are_a_list_to_choose_from(seen: Seen) -> None:
+    page = seen.open("#/recipe", wait="table.list tbody tr")
+    assert {"fresh", "plate", "quick"} <= set(page.locator("table.list a").all_inner_texts())
+    seen.both("products")
+    page.click("table.list a >> text=quick")
+    page.wait_for_url("**#/recipe/quick")
+    page.wait_for_selector("text=No version is active")
 
 
 def test_what_is_no_recording_is_refused_in_words(seen: Seen) -> None:

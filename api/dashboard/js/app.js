@@ -206,4 +206,6 @@ tellState();
 events.start();
 // Another token may have come with a restart of the service.
 events.on("reload", askRole);
+// Fetched while the role is asked for.
+import(`./views/${route(location.hash)[0] ?? "line"}.js`).catch(() => {});
 askRole().then(show);

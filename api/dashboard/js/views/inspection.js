@@ -157,9 +157,15 @@ export async function show(root, params, app) {
   const problem = h("p", { class: "problem", role: "alert" });
   root.firstChild.append(problem);
 
+  let told = null;
+
   function become(now) {
     inspection = now;
     draw();
+    // What somebody is writing, or has opened, stays where nothing else was said.
+    const mark = JSON.stringify([running(), inspection.verdict, inspection.disposition]);
+    if (mark === told) return;
+    told = mark;
     replace(at.said, running() ? null : disposition({ api, inspection, allowed: app.may("operator"), told: become }));
   }
 

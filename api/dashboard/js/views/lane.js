@@ -31,7 +31,7 @@ export function lane(root, app) {
   const screen = h("div", { class: "screen" });
   const caption = h("p", { class: "note caption" });
   const facts = h("dl", { class: "lane-facts" });
-  const seen = h("div", { class: "seen", role: "img" });
+  const seen = h("div", { class: "seen-bar", role: "img" });
   const curve = h("div", { class: "curve" });
   const node = h(
     "article",
@@ -168,8 +168,8 @@ export function lane(root, app) {
       live = other;
       view.boxes([]);
       if (!same) view.clear();
-      caption.textContent = "No picture yet";
-      view.describe("No picture yet");
+      caption.textContent = live.running ? "No picture yet" : "No picture";
+      view.describe(caption.textContent);
       draw();
       asked++;
       if (!live.running) showWhy();

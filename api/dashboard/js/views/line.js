@@ -265,7 +265,7 @@ export async function show(root, params, app) {
     close();
     throw error;
   }
-  replace(root, h("h1", { class: "unseen" }, "Line"), ...page);
+  replace(root, h("h1", { class: "for-readers" }, "Line"), ...page);
   tellAway();
   return close;
 }

@@ -21,11 +21,11 @@ async function draw(root, { of, new: another }, app) {
       "tr",
       {},
       h("td", {}, h("a", { class: "row-link", href: `#/${of}/${encodeURIComponent(id)}` }, id)),
-      h("td", {}, recipe ? `version ${recipe.version}` : "nothing learnt yet"),
+      h("td", {}, recipe ? `version ${recipe.version}` : "no active version"),
       h("td", { class: "number" }, moment(created)),
     ),
   );
-  const head = ["Product", "Recipe", "Since"].map((each) => h("th", { scope: "col" }, each));
+  const head = ["Product", "Recipe", "Since"].map((each) => h("th", { scope: "col", class: each === "Since" ? "number" : null }, each));
   replace(
     root,
     h("h1", {}, WORDS[of]),
