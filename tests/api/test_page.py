@@ -66,6 +66,26 @@ def test_every_import_is_a_file_of_the_dashboard() -> None:
             assert ((FOLDER / name).parent / other).is_file(), f"{name}: {other}"
 
 
+def test_every_screenshot_is_small_and_shown() -> None:
+    shown = set(re.findall(r"\(screenshots/([^)]+)\)", (FOLDER / "README.md").read_text()))
+    files = {path.name: path.stat().st_size for path in (FOLDER / "screenshots").iterdir()}
+    assert shown == files.keys()
+    assert [name for name, size in files.items() if size > 120_000] == []
+
+
+def test_all_that_the_line_view_is_made_of_is_fetched_at_once() -> None:
+    """And nothing else: without it the browser learns of a module only from the one that imports it."""
+    preloaded = set(re.findall(r'rel="modulepreload" href="/dashboard/([^"]+)"', OWN["index.html"]))
+    needed, found = ["js/app.js", "js/views/line.js"], set[str]()
+    while needed:
+        name = needed.pop()
+        if name not in found:
+            found.add(name)
+            others = re.findall(r'^import [^"]*"([^"]+)";', OWN.get(name, ""), re.MULTILINE)
+            needed += [((FOLDER / name).parent / other).resolve().relative_to(FOLDER).as_posix() for other in others]
+    assert preloaded == found - {"js/app.js"}
+
+
 def test_what_others_wrote_is_as_they_published_it() -> None:
     folder: Path = FOLDER / "vendor" / "uplot"
     told = dict(re.findall(r"\| `(\S+)` \| `([0-9a-f]{64})` \|", (folder / "README.md").read_text()))
