@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from typing import Literal
+from typing import Annotated, Literal
 
 from anyio import create_task_group
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response
+from pydantic import Field
 
 from api.deps import service_of, who_asks
 from api.errors import problem, problem_of
@@ -28,7 +29,7 @@ class HandMessage(Asked):
     """Where the hand that holds the camera is in the frames that come; by parameter, all of them."""
 
     kind: Literal["hand"]
-    place: dict[str, float]
+    place: dict[str, Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]]
 
 
 @router.websocket("/v1/workspaces/{workspace_id}/track")

@@ -31,6 +31,7 @@ from models.frame import Frame
 from models.workspace import Workspace
 from tests.api.stations import Stream, begin, feed, frames, learnt, teach
 
+BEYOND = '{"kind": "hand", "place": {"x_px": NaN, "y_px": 0}}'
 JPEG = {"content-type": "image/jpeg"}
 ZIP = {"content-type": "application/zip"}
 
@@ -280,7 +281,7 @@ def test_no_more_parts_are_tracked_than_may_be(
 def test_what_is_not_understood_is_said_and_tracking_goes_on(client: TestClient, uploaded: str) -> None:
     with tracked(client, uploaded) as socket:
         talk = Stream(socket)
-        for wrong in ("conclude", '{"kind": "hand", "place": {"x_px": 1}}'):
+        for wrong in ("conclude", '{"kind": "hand", "place": {"x_px": 1}}', BEYOND):
             socket.send_text(wrong)
             assert "is not understood" in talk.hear("problem")["detail"]
         socket.send_bytes(b"short")
