@@ -128,10 +128,10 @@ def drawn(rows: dict[str, list[Row]]) -> Iterator[str]:
         yield f'<text x="{x}" y="{LOW + 18}" text-anchor="middle" fill="#444">{speed:g}</text>'
     middle = (LEFT + RIGHT) / 2
     yield f'<text x="{middle}" y="{LOW + 38}" text-anchor="middle" fill="#444">speed, reaches per frame</text>'
-    for speed, said in ((TOP_SPEED, "stated top speed"), (0.5, "gone at once")):
+    for speed, said, y in ((TOP_SPEED, "stated top speed", TOP + 12), (0.5, "gone at once", TOP + 28)):
         x, _ = at(speed, 0).split(",")
         yield f'<path d="M{x} {TOP}V{LOW}" stroke="#444" stroke-dasharray="4 4"/>'
-        yield f'<text x="{float(x) + 5}" y="{TOP + 12}" fill="#444">{said}</text>'
+        yield f'<text x="{float(x) + 5}" y="{y}" fill="#444">{said}</text>'
     for number, (kind, each) in enumerate(rows.items()):
         kept = [row for row in each if not row.lost]
         for values, dash in (([row.mean for row in kept], ""), ([row.most for row in kept], ' stroke-dasharray="2 3"')):
