@@ -34,7 +34,7 @@ FARTHER = 4.0
 """Times the closest squared distance so far: an object whose eigenspace alone is as far is not looked at closely."""
 LIKELY = 16.0
 """A place that is less likely by so many units of squared noise (four standard deviations) is not the truth."""
-BEYOND = 1.3
+BEYOND = 1.5
 """Times an object's limit that a picture may be away if no other object comes within twice that picture's distance."""
 ALIKE = 1.2
 """Another object whose squared distance is less than this times the closest may be the truth."""
