@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from math import hypot
@@ -12,15 +13,17 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from models.appearance import Appearance
+from models.beginning import Beginning, agreeing
 from models.errors import PictureError
 from models.excess import BRIGHT, DARK, Excess, strongest
 from models.frame import Frame
 from models.judging import judge
 from models.limits import promise
+from models.recognition import Other, recognise
 from models.registration import WIDE, affine, full_pose
 from models.scoring import Look, Memory, look, regions, remember
 from models.tolerance import aligned, cells_shown, levels
-from models.verdict import FrameState, Policy, Residuals, Result, ScoredFrame
+from models.verdict import FrameState, Judgement, Policy, Residuals, Result, ScoredFrame
 
 _LOST_AFTER = 8
 """Frames that agree with no place, one after the other, before it is said to be lost."""
@@ -46,6 +49,8 @@ class Inspection:
     factor: float
     """Of the limits, for the false-reject target and the sensitivity of the policy."""
     memory: Memory
+    beginning: Beginning
+    """Whether the right part lies there, the right way round."""
     earlier: tuple[tuple[ScoredFrame, ...], ...] = ()
     """All frames scored but the last few, so many at a time: one more frame costs no more after ten thousand."""
     latest: tuple[ScoredFrame, ...] = ()
@@ -86,7 +91,7 @@ def begin(appearance: Appearance, policy: Policy | None = None) -> Inspection:
     """Before the first frame of a part."""
     policy = policy or Policy()
     factor = promise(appearance.peaks, policy.false_rejects).factor / policy.sensitivity
-    return Inspection(appearance, policy, factor, remember(appearance))
+    return Inspection(appearance, policy, factor, remember(appearance), Beginning.of(appearance))
 
 
 def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]:
@@ -99,7 +104,8 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
             "nothing else can be compared"
         )
     memory, shown = look(appearance, inspection.factor, inspection.memory, frame)
-    scored = _scored(inspection, frame, memory, shown)
+    beginning = inspection.beginning.with_frame(appearance, frame, shown)
+    scored = _scored(inspection, frame, memory, shown, beginning)
     last = inspection.last_sequence
     dropped = inspection.dropped + (max(0, frame.sequence - last - 1) if last is not None else 0)
     earlier, latest = inspection.earlier, (*inspection.latest, scored)
@@ -110,6 +116,7 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
     now = replace(
         inspection,
         memory=memory,
+        beginning=beginning,
         earlier=earlier,
         latest=latest,
         last_scored=last_scored,
@@ -121,10 +128,14 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
     return now, scored
 
 
-def conclude(inspection: Inspection, stopped: bool = False) -> Result:
-    """The verdict. `stopped` says that the line broke the sweep off on purpose, because NG was certain."""
-    appearance = inspection.appearance
-    return judge(
+def conclude(inspection: Inspection, stopped: bool = False, others: Sequence[Other] | None = None) -> Result:
+    """The verdict. `stopped` says that the line broke the sweep off on purpose, because NG was certain.
+
+    Where the sweep is INVALID because it does not begin as the learnt one, and `others` are given (none will do), it is
+    asked what lies there instead. That costs as much as some hundred frames, and changes neither verdict nor digest.
+    """
+    appearance, beginning = inspection.appearance, inspection.beginning
+    result = judge(
         inspection.frames,
         inspection.policy,
         appearance.s,
@@ -134,6 +145,12 @@ def conclude(inspection: Inspection, stopped: bool = False) -> Result:
         digest=digest(inspection),
         stopped=stopped,
     )
+    if others is None or not beginning.failed or result.verdict is not Judgement.INVALID:
+        return result
+    recognised = recognise(appearance, [frame.pixels for frame in beginning.kept], others)
+    if recognised is None:
+        return result
+    return replace(result, reasons=(recognised.sentence(), *result.reasons), recognised=recognised)
 
 
 def digest(inspection: Inspection) -> str:
@@ -196,9 +213,13 @@ def _pose(scored: ScoredFrame, size: tuple[int, int]) -> Float[np.ndarray, " 3"]
     return pose
 
 
-def _scored(inspection: Inspection, frame: Frame, memory: Memory, shown: Look | None) -> ScoredFrame:
+def _scored(
+    inspection: Inspection, frame: Frame, memory: Memory, shown: Look | None, beginning: Beginning
+) -> ScoredFrame:
     index, appearance = inspection.count, inspection.appearance
     state = _state(inspection, memory, shown)
+    if state is FrameState.SCORED and shown is not None and beginning.failed and not agreeing(appearance, shown):
+        state = FrameState.STRANGE
     if state is not FrameState.SCORED or shown is None or shown.score is None:
         none = Residuals(0.0, 0.0, 0.0)
         s = None if shown is None or state is not FrameState.STRANGE else _coordinate(appearance, shown)

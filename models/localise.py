@@ -41,6 +41,10 @@ _UNMISTAKABLE = 0.85
 """Share of the doubt at every other place, up to which agreement that is not `_FITS` does."""
 _ABOVE, _HALFWAY = 0.1, 0.5
 """Shares of the way from what wrong places reach to perfect agreement, and to what good parts reach, asked for."""
+_UNLIT = 0.2
+"""Gain below which nothing of the reference picture is left in the frame: whatever agrees then is the rest."""
+_ENOUGH = 0.95
+"""Agreement that is always enough: on periodic parts wrong places reach more than good parts do at the right ones."""
 _PERFECT = 0.1
 """Agreement is never perfect: what is added to what lacks."""
 _LIES_STD, _TURNED = np.array([1.0, 1.0, 0.005]), 0.5
@@ -140,6 +144,11 @@ class Attempt:
         likelier. Individuals that differ leave much at all places, periodic traces agree in many."""
         r = self.registered
         return r.residual / max(float(r.light[0]), 0.3) * (1.0 + _PERFECT - min(self.agreement, 1.0))
+
+
+def agrees(guide: Guide, reference: int, registered: Registered, agreement: float) -> bool:
+    """Whether a frame agrees with a place as the learnt part does, and as wrong places and other parts do not."""
+    return bool(registered.light[0] >= _UNLIT and agreement >= min(float(guide.asked[reference]), _ENOUGH))
 
 
 def _light(model: Template, smoothed: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -249,6 +258,8 @@ def _fits(model: Template, registered: Registered, agreement: float, trail: Trai
     A part with much wrong about it agrees less, but leaves no more unexplained at the points that are right.
     """
     usual = trail.residual
+    if registered.light[0] < _UNLIT:
+        return False
     if usual is None or (model.detail > _RICH and registered.correlation >= _CLEARLY):
         return agreement >= _FITS
     if registered.residual <= _USUAL * usual:

@@ -136,6 +136,30 @@ class Deviation:
 
 
 @dataclass(frozen=True)
+class Recognised:
+    """What lies there instead of the learnt part as it was learnt."""
+
+    part: str | None
+    """Name of the other recipe's part; None for the learnt one."""
+    appearance_id: str
+    turned: bool
+    """By 180 degrees: upside down."""
+    agree: int
+    of: int
+    """So many of so many frames from the beginning agree with that."""
+
+    def sentence(self) -> str:
+        """For a reason.
+
+        >>> Recognised(None, "sha256:0", True, 6, 6).sentence()
+        'the part lies upside down, turned by 180 degrees: 6 of 6 frames agree with it so'
+        """
+        what = "the part lies" if self.part is None else f"another part: {self.part} fits better"
+        way = f"{',' * (self.part is not None)} upside down, turned by 180 degrees" if self.turned else ""
+        return f"{what}{way}: {self.agree} of {self.of} frames agree with it{' so' * self.turned}"
+
+
+@dataclass(frozen=True)
 class Result:
     """What `conclude` returns."""
 
@@ -152,3 +176,6 @@ class Result:
     digest: str
     """sha256 over appearance, policy and every scored frame; not over ids and clocks."""
     frames: tuple[ScoredFrame, ...] = field(repr=False, default=())
+    recognised: Recognised | None = None
+    """What lies there instead, where it was asked and is known: a matter of which others are known, so that neither
+    verdict nor digest hang on it."""
