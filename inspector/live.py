@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from inspector.recorder import FrameSource, record
@@ -10,6 +10,7 @@ from inspector.replay import OnScored
 from models.appearance import Appearance
 from models.frame import Frame
 from models.inspection import Inspection, begin, conclude, step
+from models.recognition import Other
 from models.verdict import Policy, Result
 
 
@@ -40,11 +41,12 @@ def inspect_live(
     product_id: str | None = None,
     part_id: str | None = None,
     on_scored: OnScored | None = None,
+    others: Sequence[Other] = (),
 ) -> Result:
     """Inspect what the camera delivers until it ends; `record_to` names a new file for the recording.
 
     The replay of that recording by the same appearance and policy gives the same digest. The recorder waits for the
-    disk rather than drop a frame that was scored.
+    disk rather than drop a frame that was scored. `others` may be what lies there instead.
     """
     source = _Inspected(camera, begin(appearance, policy), on_scored)
     if record_to is None:
@@ -52,4 +54,4 @@ def inspect_live(
             pass
     else:
         record(source, record_to, product_id=product_id, part_id=part_id, lossless=True)
-    return conclude(source.state)
+    return conclude(source.state, others=others)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from models.appearance import Appearance
 from models.errors import NumericError
 from models.frame import Frame
 from models.inspection import begin, conclude, step
+from models.recognition import Other
 from models.verdict import Policy, Result, ScoredFrame
 
 OnScored = Callable[[Frame, ScoredFrame], object]
@@ -30,14 +31,20 @@ class Replayed:
     """A sentence for each thing that the recording has lost."""
 
 
-def inspect(frames: Iterable[Frame], appearance: Appearance, policy: Policy, on_scored: OnScored | None) -> Result:
-    """Begin, a step for every frame, conclude: live and in replay."""
+def inspect(
+    frames: Iterable[Frame],
+    appearance: Appearance,
+    policy: Policy,
+    on_scored: OnScored | None,
+    others: Sequence[Other] = (),
+) -> Result:
+    """Begin, a step for every frame, conclude: live and in replay. `others` may be what lies there instead."""
     state = begin(appearance, policy)
     for frame in frames:
         state, scored = step(state, frame)
         if on_scored is not None:
             on_scored(frame, scored)
-    return conclude(state)
+    return conclude(state, others=others)
 
 
 def replay(
@@ -47,8 +54,10 @@ def replay(
     *,
     on_scored: OnScored | None = None,
     scored_recording: Path | None = None,
+    others: Sequence[Other] = (),
 ) -> Replayed:
-    """Inspect a recording; `scored_recording` names a new file for the frames with what was said of each.
+    """Inspect a recording; `scored_recording` names a new file for the frames with what was said of each; `others`
+    are the parts of other recipes, one of which an INVALID sweep may be of.
 
     Raises RecordingError, OutputExists, NotWritten, and PictureError, which names the recording.
     """
@@ -61,7 +70,7 @@ def replay(
                 each(frame, scored)
 
         try:
-            result = inspect(recording, appearance, policy, tell)
+            result = inspect(recording, appearance, policy, tell, others)
         except NumericError as error:
             raise type(error)(f"{recording.path}: {error}") from error
     return Replayed(result, recording.facts, recording.losses)

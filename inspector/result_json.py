@@ -17,7 +17,7 @@ from inspector.errors import WorldError
 from inspector.files import write_new
 from models.limits import Promise
 from models.profile import profile
-from models.verdict import Deviation, Judgement, Region, Result, ScoredFrame
+from models.verdict import Deviation, Judgement, Recognised, Region, Result, ScoredFrame
 
 
 class BadRecord(WorldError):
@@ -53,6 +53,7 @@ def result_record(
         "is_partial": False,
         "is_simulated": is_simulated,
         "reasons": list(result.reasons),
+        "recognised": None if result.recognised is None else recognised_record(result.recognised),
         "coverage": number(result.coverage),
         "frames_scored": result.frames_scored,
         "frames_dropped": result.frames_dropped,
@@ -67,6 +68,11 @@ def result_record(
 def frame_records(frames: Sequence[ScoredFrame]) -> list[dict[str, object]]:
     """The frames by the names of a result."""
     return [frame_record(frame) for frame in frames]
+
+
+def recognised_record(recognised: Recognised) -> dict[str, object]:
+    """What lies there instead, by the names of a result."""
+    return asdict(recognised)
 
 
 def deviation_record(deviation: Deviation) -> dict[str, object]:
@@ -115,6 +121,7 @@ def result_of(record: Mapping[str, Any]) -> Result:
             deviations=tuple(_deviation_of(each) for each in record["deviations"]),
             appearance_id=record["appearance_id"],
             digest=record["digest"],
+            recognised=_recognised_of(record.get("recognised")),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise BadRecord(str(error)) from error
@@ -126,7 +133,11 @@ def _deviation_of(record: Mapping[str, Any]) -> Deviation:
     return Deviation(**known)
 
 
-def _known(kind: type[Deviation | Region], record: Mapping[str, Any]) -> dict[str, Any]:
+def _recognised_of(record: Mapping[str, Any] | None) -> Recognised | None:
+    return None if record is None else Recognised(**_known(Recognised, record))
+
+
+def _known(kind: type[Deviation | Recognised | Region], record: Mapping[str, Any]) -> dict[str, Any]:
     """Without the names that a later version added."""
     return {each.name: record[each.name] for each in fields(kind)}
 

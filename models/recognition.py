@@ -97,15 +97,20 @@ def recognise(own: Appearance, pictures: Sequence[np.ndarray], others: Sequence[
     turned = [cv2.rotate(picture, cv2.ROTATE_180) for picture in seen]
     count = len(seen)
     upright, as_turned = _fit(own, seen), _fit(own, turned)
-    best = Recognised(None, own.id, True, as_turned.agree, count)
-    fit = max(upright, as_turned)
-    known = as_turned > upright
-    for other, is_turned in _likely(seen, turned, others):
-        appearance = other.appearance()
-        tried = _fit(appearance, turned if is_turned else seen)
-        if tried.better(fit, count):
-            best, fit, known = Recognised(other.name, appearance.id, is_turned, tried.agree, count), tried, True
-    return best if known and fit.agree >= _enough(count) else None
+    known, fit = Recognised(None, own.id, True, as_turned.agree, count), max(upright, as_turned)
+    tried = [_tried(each, turned if is_turned else seen, is_turned) for each, is_turned in _likely(seen, turned, others)]
+    best = max(tried, key=lambda each: each[0], default=None)
+    if best is not None and best[0].better(fit, count):
+        fit, known = best
+    elif upright >= as_turned:
+        return None
+    return known if fit.agree >= _enough(count) else None
+
+
+def _tried(other: Other, pictures: Sequence[np.ndarray], is_turned: bool) -> tuple[_Fit, Recognised]:
+    appearance = other.appearance()
+    fit = _fit(appearance, pictures)
+    return fit, Recognised(other.name, appearance.id, is_turned, fit.agree, len(pictures))
 
 
 def _enough(count: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from inspector.recording import SweepReader
     from inspector.replay import Replayed
     from models.appearance import Appearance
+    from models.recognition import Other
     from models.verdict import Policy
 
 NOT_OK = 3
@@ -39,6 +41,12 @@ def replay(
             parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.02."
         ),
     ] = None,
+    other: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="[NAME=]OTHER.appearance", help="Another part, to be named where this is one; may be repeated."
+        ),
+    ] = None,
     topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
     fail_on_ng: Annotated[bool, typer.Option("--fail-on-ng", help="Exit 3 on a verdict other than OK.")] = False,
 ) -> None:
@@ -49,6 +57,7 @@ def replay(
     from inspector.files import refuse_taken
     from inspector.filmstrip import refuse_strips
     from inspector.learner import load_appearance
+    from inspector.others import Others
     from inspector.policies import read_policy
     from inspector.recording import SweepReader
     from inspector.result_json import write_result
@@ -63,7 +72,8 @@ def replay(
     if false_rejects is not None:
         settings = replace(settings, false_rejects=false_rejects)
     recording, learnt = SweepReader(sweep, topic=topic), load_appearance(appearance)
-    replayed = _replayed(recording, learnt, settings, mcap)
+    others = Others().of(_named(other or []))
+    replayed = _replayed(recording, learnt, settings, mcap, others)
     if json is not None:
         write_result(json, _record(replayed, learnt, settings))
     _print(replayed, sweep)
@@ -73,7 +83,20 @@ def replay(
         raise typer.Exit(NOT_OK)
 
 
-def _replayed(recording: SweepReader, appearance: Appearance, policy: Policy, mcap: Path | None) -> Replayed:
+def _named(paths: Sequence[Path]) -> dict[str, Path]:
+    """Files of other parts by their names, which are those of the files where none is given before a `=`."""
+    parts: dict[str, Path] = {}
+    for path in paths:
+        name, _, file = str(path).rpartition("=")
+        if (name := name or path.stem) in parts:
+            raise typer.BadParameter(f"{name!r} names two other parts; allowed is NAME=OTHER.appearance for one of them")
+        parts[name] = Path(file)
+    return parts
+
+
+def _replayed(
+    recording: SweepReader, appearance: Appearance, policy: Policy, mcap: Path | None, others: Sequence[Other]
+) -> Replayed:
     """Replay with progress, by the number of frames that the recording announces."""
     from inspector.recording import count_frames
     from inspector.replay import replay as replay_recording
@@ -87,7 +110,7 @@ def _replayed(recording: SweepReader, appearance: Appearance, policy: Policy, mc
             if total:
                 share((scored.index + 1) / total)
 
-        return replay_recording(recording, appearance, policy, on_scored=on_scored, scored_recording=mcap)
+        return replay_recording(recording, appearance, policy, on_scored=on_scored, scored_recording=mcap, others=others)
 
 
 def _record(replayed: Replayed, appearance: Appearance, policy: Policy) -> dict[str, object]:
