@@ -1,4 +1,4 @@
-"""Appearances of other recipes, by the names of their parts: ready to be asked whether it is one of them that lies there."""
+"""Appearances of other recipes by the names of their parts, ready to be asked which of them lies there."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from inspector.learner import load_appearance
 from models.appearance import Appearance
+from models.errors import AppearanceError
 from models.recognition import Card, Other
 
 _HELD = 4
@@ -26,6 +27,17 @@ class Others:
         """Those in these files, by the names of their parts; no cards are kept but these. Raises AppearanceError."""
         self._cards = {path: self._card(path) for path in parts.values()}
         return [Other(name, self._cards[path], partial(self.load, path)) for name, path in sorted(parts.items())]
+
+    def readable(self, parts: Mapping[str, Path]) -> list[Other]:
+        """The same without files that cannot be read: they name no part, and that is all."""
+        return self.of({name: path for name, path in parts.items() if self._can_be_read(path)})
+
+    def _can_be_read(self, path: Path) -> bool:
+        try:
+            self._cards[path] = self._card(path)
+        except AppearanceError:
+            return False
+        return True
 
     def load(self, path: Path) -> Appearance:
         """The appearance in a file, from memory where it was asked for of late. Raises AppearanceError."""

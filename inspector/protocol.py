@@ -26,6 +26,9 @@ that was got, and all since is sent once more; `next_sequence` of `ready` says f
 | `duplicate` | the answer to a frame whose `sequence` is not above all before; ignored |
 | `deviation_opened`, `deviation_closed` | `deviation`, as far as it is known |
 | `early_ng` | NG whatever comes after, if the line stops here: `index`, `s`, `coverage` so far |
+| `early_invalid` | INVALID as it stands, with the `reason`: the sweep does not begin as the learnt part; `index` |
+| `recognised` | soon after that, where it is known what lies there instead: as in the result, and its `sentence` |
+| `part_found` | the learnt part has come after all: `early_invalid` holds no more; `index` |
 | `verdict` | `result`: the inspection is concluded |
 | `aborted` | `reason`: the inspection ended without a verdict |
 | `problem` | what was wrong, as a problem document; the connection is closed after it |

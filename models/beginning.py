@@ -11,13 +11,15 @@ from jaxtyping import Float
 
 from models.appearance import Appearance
 from models.frame import Frame
-from models.localise import agrees
+from models.localise import belongs
 from models.registration import smooth
 from models.scoring import Look
 from models.tolerance import levels
 
 _FIRST, _FEWEST = 0.06, 5
 """Share of the sweep's places, and number, of the frames by which it is decided: well within the first tenth."""
+_DEFECT = 0.02
+"""Share of the picture out of tolerance, up to which a frame that agrees too little may be the part with a defect."""
 _KEPT = 6
 """Frames that are kept for asking what lies there instead."""
 _MOVED = 1.2
@@ -31,7 +33,8 @@ class Beginning:
     Two thirds of so many frames in a row must agree with the learnt part, by what is asked for at each place; then all
     is well for good. A sweep that has shown so many and has not come to that `failed`: until it comes to it later,
     its frames that do not agree are not compared. Pictures that show nothing new do not count while no part was seen:
-    a line may wait for it.
+    a line may wait for it. Nor do frames where little is out of tolerance: where there is hardly anything to see, one
+    defect is most of it.
     """
 
     needed: int
@@ -59,7 +62,9 @@ class Beginning:
         """One frame more; `shown` is what it showed, None where that was nothing."""
         if self.confirmed or shown is None:
             return self
-        fits, last = agreeing(appearance, shown), self.last
+        fits, last = agrees(appearance, shown), self.last
+        if fits is None:
+            return self
         if not shown.located.verified:
             last = smooth(levels(frame.pixels))
             if self.last is not None and cv2.norm(last, self.last) <= _MOVED * np.sqrt(last.size):
@@ -72,9 +77,14 @@ class Beginning:
         return replace(self, agreed=agreed, kept=kept, counted=self.counted + 1, last=last)
 
 
-def agreeing(appearance: Appearance, shown: Look) -> bool:
-    """Whether a frame agrees with its place as the learnt part does; more than is asked for to follow a sweep."""
+def agrees(appearance: Appearance, shown: Look) -> bool | None:
+    """Whether a frame agrees with its place as the learnt part does, which is more than is asked for to follow a sweep.
+
+    None where it does not, and so little is out of tolerance that this may be a defect.
+    """
     located, guide = shown.located, appearance.guide
-    if guide.turn is not None or not located.verified:
+    if guide.turn is not None or shown.agreed is None:
         return located.verified
-    return agrees(guide, located.reference, located.registered, located.agreement)
+    if belongs(guide, located.reference, located.registered, located.agreement):
+        return True
+    return None if float((shown.agreed.max(axis=2) >= 1.0).mean()) <= _DEFECT else False

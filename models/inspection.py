@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from models.appearance import Appearance
-from models.beginning import Beginning, agreeing
+from models.beginning import Beginning, agrees
 from models.errors import PictureError
 from models.excess import BRIGHT, DARK, Excess, strongest
 from models.frame import Frame
@@ -218,7 +218,7 @@ def _scored(
 ) -> ScoredFrame:
     index, appearance = inspection.count, inspection.appearance
     state = _state(inspection, memory, shown)
-    if state is FrameState.SCORED and shown is not None and beginning.failed and not agreeing(appearance, shown):
+    if state is FrameState.SCORED and shown is not None and beginning.failed and agrees(appearance, shown) is False:
         state = FrameState.STRANGE
     if state is not FrameState.SCORED or shown is None or shown.score is None:
         none = Residuals(0.0, 0.0, 0.0)

@@ -14,7 +14,8 @@ from models.encoder import Encoder, Reading
 from models.fixture import Fixture, Path
 from models.position import Places, Standing, Track, move, standing, start, vouch
 from models.registration import NO_LIGHT, STEPS, STEPS_FAR, Prior, Registered, Template, register, scan
-from models.turning import Turn, belongs, follow, resembles, strangeness
+from models.turning import Turn, follow, resembles, strangeness
+from models.turning import belongs as looks_alike
 
 _SCAN = np.arange(-2.0, 2.01, 0.25)
 """Where along the path to look for the frame, in reference frames about the guess."""
@@ -146,7 +147,7 @@ class Attempt:
         return r.residual / max(float(r.light[0]), 0.3) * (1.0 + _PERFECT - min(self.agreement, 1.0))
 
 
-def agrees(guide: Guide, reference: int, registered: Registered, agreement: float) -> bool:
+def belongs(guide: Guide, reference: int, registered: Registered, agreement: float) -> bool:
     """Whether a frame agrees with a place as the learnt part does, and as wrong places and other parts do not."""
     return bool(registered.light[0] >= _UNLIT and agreement >= min(float(guide.asked[reference]), _ENOUGH))
 
@@ -335,7 +336,7 @@ def locate_by_look(
     places = follow(trail.places, away, elapsed)
     best = int(places.cost.argmin())
     strange = strangeness(trail.strange, float(away[best]))
-    known = belongs(strange, float(away[best]))
+    known = looks_alike(strange, float(away[best]))
     reference = guide.path.key(best)
     model = guide.template(reference)
     light = trail.light if trail.light is not None else NO_LIGHT

@@ -14,12 +14,12 @@ from jaxtyping import Float32
 from models.appearance import Appearance
 from models.eigenspace import Eigenspace
 from models.frame import kind_of
-from models.localise import agrees, compare
+from models.localise import belongs, compare
 from models.preparation import Preparation
 from models.registration import smooth
 from models.scoring import is_blind
 from models.tolerance import levels
-from models.turning import belongs
+from models.turning import belongs as looks_alike
 from models.verdict import Recognised
 
 _TRIED = 5
@@ -98,7 +98,8 @@ def recognise(own: Appearance, pictures: Sequence[np.ndarray], others: Sequence[
     count = len(seen)
     upright, as_turned = _fit(own, seen), _fit(own, turned)
     known, fit = Recognised(None, own.id, True, as_turned.agree, count), max(upright, as_turned)
-    tried = [_tried(each, turned if is_turned else seen, is_turned) for each, is_turned in _likely(seen, turned, others)]
+    likely = _likely(seen, turned, others)
+    tried = [_tried(other, turned if is_turned else seen, is_turned) for other, is_turned in likely]
     best = max(tried, key=lambda each: each[0], default=None)
     if best is not None and best[0].better(fit, count):
         fit, known = best
@@ -150,14 +151,14 @@ def _laid(appearance: Appearance, picture: np.ndarray) -> tuple[bool, float]:
     z = space.project(x).astype(float)
     if guide.turn is not None:
         away = float(guide.turn.away(z, space.distance(x, z.astype(np.float32)) ** 2).min())
-        return belongs(away, away), -away
+        return looks_alike(away, away), -away
     cost, _ = guide.track.looks(z, slice(0, appearance.places))
     smoothed = smooth(appearance.ignored.filled(levels(picture)))
     fits, best = False, -1.0
     for at in _places(cost):
         tried = compare(guide, smoothed, float(at))
         agreement = min(tried.agreement, 1.0)
-        fits = fits or agrees(guide, tried.reference, tried.registered, tried.agreement)
+        fits = fits or belongs(guide, tried.reference, tried.registered, tried.agreement)
         best = max(best, agreement)
         if fits and best >= _CLEARLY:
             break

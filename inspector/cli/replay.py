@@ -87,9 +87,9 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
     """Files of other parts by their names, which are those of the files where none is given before a `=`."""
     parts: dict[str, Path] = {}
     for path in paths:
-        name, _, file = str(path).rpartition("=")
+        name, _, file = ("", "", path) if path.exists() else str(path).rpartition("=")
         if (name := name or path.stem) in parts:
-            raise typer.BadParameter(f"{name!r} names two other parts; allowed is NAME=OTHER.appearance for one of them")
+            raise typer.BadParameter(f"{name!r} names two parts; NAME=OTHER.appearance names one otherwise")
         parts[name] = Path(file)
     return parts
 
@@ -110,7 +110,9 @@ def _replayed(
             if total:
                 share((scored.index + 1) / total)
 
-        return replay_recording(recording, appearance, policy, on_scored=on_scored, scored_recording=mcap, others=others)
+        return replay_recording(
+            recording, appearance, policy, on_scored=on_scored, scored_recording=mcap, others=others
+        )
 
 
 def _record(replayed: Replayed, appearance: Appearance, policy: Policy) -> dict[str, object]:

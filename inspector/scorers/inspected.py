@@ -48,9 +48,11 @@ class Concluded:
 
     result: Said
     """Without frames."""
-    full: bytes
-    """With frames, as JSON."""
+    frames: bytes
+    """As JSON."""
     scores: bytes
+    doubted: bool
+    """Whether it is INVALID because another part lay there, and not because it was broken off."""
 
 
 class Inspected:
@@ -71,6 +73,10 @@ class Inspected:
         self._state = begin(appearance, policy)
         self._deviations = Deviations(policy, place(appearance.s))
         self._early = False
+        self._foreign: bool | None = None
+        """Whether it was said that another part lies there; None before."""
+        self.doubted: tuple[bytes, ...] = ()
+        """Pictures of the beginning of such a sweep, when that has just been said."""
 
     def frame(self, sequence: int, t_ns: int, encoder: float | None, picture: bytes) -> tuple[list[Said], Said]:
         """What is to be said about a frame, and how many seconds decoding, scoring and handing to the tape took."""
@@ -86,7 +92,7 @@ class Inspected:
             return [{"kind": "refused", "sequence": sequence, "why": str(error)}], {}
         at.append(self._clock())
         self.tape.write(frame)
-        said = [{"kind": "scored", "sequence": sequence, **frame_record(scored)}, *self._news(scored)]
+        said: list[Said] = [{"kind": "scored", "sequence": sequence, **frame_record(scored)}, *self._news(scored)]
         at.append(self._clock())
         return said, {"decode": at[1] - at[0], "score": at[2] - at[1], "record": at[3] - at[2]}
 
@@ -112,14 +118,16 @@ class Inspected:
         ) | {"inspection_id": names.inspection_id, "stopped": stopped}
         if aborted is not None:
             record |= {"result_state": "aborted", "is_partial": True}
-        full = record | {"frames": frame_records(result.frames)}
-        return Concluded(record, json.dumps(full, allow_nan=False).encode(), scores_to_bytes(result.frames))
+        frames = json.dumps(frame_records(result.frames), allow_nan=False).encode()
+        doubted = self._state.beginning.failed and result.verdict is Judgement.INVALID and aborted is None
+        return Concluded(record, frames, scores_to_bytes(result.frames), doubted)
 
     def _news(self, scored: ScoredFrame) -> list[Said]:
         """Deviations that opened or closed with this frame, and whether NG is certain."""
         self._deviations, opened, closed = self._deviations.step(scored)
         said: list[Said] = [{"kind": "deviation_closed", "deviation": deviation_record(each)} for each in closed]
         said += [{"kind": "deviation_opened", "deviation": deviation_record(each)} for each in opened]
+        said += self._begun(scored)
         if not self._early and self._suspected(opened, scored):
             so_far = conclude(self._state, stopped=True)
             if so_far.verdict is Judgement.NG:
@@ -133,6 +141,20 @@ class Inspected:
                     }
                 )
         return said
+
+    def _begun(self, scored: ScoredFrame) -> list[Said]:
+        """Whether the sweep begins with another part, or with this one after all."""
+        beginning, self.doubted = self._state.beginning, ()
+        if self._foreign is None and beginning.failed:
+            so_far = conclude(self._state)
+            if so_far.verdict is Judgement.INVALID:
+                self._foreign = True
+                self.doubted = tuple(frame.encoded.data for frame in beginning.kept if frame.encoded is not None)
+                return [{"kind": "early_invalid", "index": scored.index, "reason": so_far.reasons[0]}]
+        if self._foreign and beginning.confirmed:
+            self._foreign = False
+            return [{"kind": "part_found", "index": scored.index}]
+        return []
 
     def _suspected(self, opened: tuple[Deviation, ...], scored: ScoredFrame) -> bool:
         if any(each.kind == "appearance" for each in opened):

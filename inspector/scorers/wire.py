@@ -5,8 +5,9 @@
 | `load` | `appearance_id`, `path`: have it ready | nothing, or `failed` |
 | `begin` | `id`, `appearance_id`, `path`, `policy`, `names`, `record_to` | `begun` or `failed` |
 | `frame` | `id`, `sequence`, `t_ns`, `encoder`; the picture | `frame`: `sequence`, `kinds`, `took`, `brief`; lines |
+| | | and once, where another part lies there, `doubted`: `sizes`; that many pictures of its beginning |
 | `drop` | `id`, `count`, `t_ns`: recorded as lost | nothing |
-| `conclude` | `id`, `stopped`, `announced` | `concluded`: `result`, `recording`, `json`; full result, scores |
+| `conclude` | `id`, `stopped`, `announced` | `concluded`: `result`, `recording`, `doubted`, `json`; frames, scores |
 | `abort` | `id`, `reason`, `announced` | the same |
 | `locate` | `id`, `sequence`, `workspace_id`, `path`; the picture | `located`: `sequence`, `took`, `refused`; JSON |
 | `track` | the same, `t_ns`, `hand`; what is tracked under that `id` goes on | the same |

@@ -99,6 +99,8 @@ class Worker:
         answer = {"did": "frame", "id": head["id"], "sequence": head["sequence"], "took": took}
         brief = [said[0].get(name) for name in BRIEF]
         self._say(answer | {"kinds": [each["kind"] for each in said], "brief": brief}, lines.encode())
+        if pictures := inspected.doubted:
+            self._say({"did": "doubted", "id": head["id"], "sizes": [*map(len, pictures)]}, b"".join(pictures))
 
     def _drop(self, head: Head, _: bytes) -> None:
         self._inspected[head["id"]].drop(head["count"], head["t_ns"])
@@ -116,7 +118,7 @@ class Worker:
     def _tell(self, inspection: str, ended: Concluded, recorded: Recorded) -> None:
         facts = {"frames": recorded.frames, "bytes": recorded.bytes, "note": recorded.note}
         head = {"did": "concluded", "id": inspection, "result": ended.result, "recording": facts}
-        self._say(head | {"json": len(ended.full)}, ended.full + ended.scores)
+        self._say(head | {"doubted": ended.doubted, "json": len(ended.frames)}, ended.frames + ended.scores)
 
     def _say(self, head: Head, body: bytes = b"") -> None:
         # a service that is gone hears nothing; the recordings are closed all the same

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -20,15 +20,18 @@ from inspector.service.events import Events
 from inspector.service.folder import DataFolder, new_id
 from inspector.service.load import Ration, Turns
 from inspector.service.metrics import Metrics
+from inspector.service.recognising import Recognising
 from inspector.service.running import Around, Bounds, Ended, Running
 from inspector.stores.base import AbstractStore, AlreadyConcluded
-from inspector.stores.records import Recipe, StoredInspection
+from inspector.stores.records import Json, Recipe, StoredInspection
 from models.verdict import Policy
 
 T = TypeVar("T")
 _BRIEF_SECONDS = 0.25
 _TICK_SECONDS = 1.0
 _NOT_CLOSED = "not closed properly: the last second may be missing"
+_NAMED_SECONDS = 5.0
+"""How long a result waits for the name of the part that lay there instead."""
 _REMEMBERED = 64
 """Inspections whose messages are kept after their end, for connections that break just then."""
 
@@ -42,6 +45,7 @@ class Inspections:
         folder: DataFolder,
         events: Events,
         metrics: Metrics,
+        recognising: Recognising,
         *,
         scorers: int,
         max_inspections: int,
@@ -54,6 +58,7 @@ class Inspections:
         self.beside: Callable[[], Iterable[tuple[Scorer, float]]] = tuple
         """What else needs a share of the scorers' time."""
         self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
+        self._recognising = recognising
         self._max, self._idle_seconds = max_inspections, idle_seconds
         self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes)
         self._running: dict[str, Running] = {}
@@ -88,8 +93,9 @@ class Inspections:
         await self.pool.stop()
 
     def load(self, appearance_id: str) -> None:
-        """Have it ready in every scorer: it will be needed."""
+        """Have it ready in every scorer: it will be needed. And where there are several, to tell them apart."""
         self.pool.load(appearance_id, str(self._folder.appearance(appearance_id)))
+        self._keep(self._prepare())
 
     @property
     def state(self) -> str:
@@ -186,6 +192,7 @@ class Inspections:
         # Chosen now, and pinned before anybody else has a turn.
         scorer = self.pool.least() or self.pool.scorers[0]
         running = Running(facts, scorer, self._around)
+        running.doubted = partial(self._recognise, running)
         self._running[inspection_id] = running
         running.begin(
             {
@@ -225,7 +232,7 @@ class Inspections:
 
     async def _finish(self, running: Running, reason: str | None) -> Ended:
         try:
-            ended = running.stored = running.stored or await running.ended
+            ended = running.stored = running.stored or await self._named(running, await running.ended)
         except WorldError as error:
             await self._lose(running, str(error))
             raise
@@ -236,6 +243,38 @@ class Inspections:
             running.phase = "unsaved"
             raise
         self._retire(running, ended.full, stored)
+        return ended
+
+    async def _prepare(self) -> None:
+        with suppress(WorldError):
+            await in_thread(self._recognising.prepare)
+
+    def _recognise(self, running: Running, pictures: Sequence[bytes]) -> None:
+        """Ask, beside everything else, what lies there instead."""
+        running.recognised = self._keep(self._recognised(running, pictures))
+
+    async def _recognised(self, running: Running, pictures: Sequence[bytes]) -> Json | None:
+        product_id, appearance_id = running.product_id, running.facts["appearance_id"]
+        try:
+            found = await in_thread(self._recognising.recognise, product_id, appearance_id, pictures)
+        except WorldError as error:
+            self._log.warning("recognise", **running.facts, error=self._folder.hidden(str(error)))
+            return None
+        if found is not None and running.phase != "ended":
+            running.tell("recognised", found)
+        return found
+
+    async def _named(self, running: Running, ended: Ended) -> Ended:
+        """With what lies there instead, where somebody looks for it; a desk that is too busy is not waited for long."""
+        result = ended.result
+        if running.recognised is None or not ended.doubted:
+            return ended
+        with suppress(TimeoutError):
+            found = await asyncio.wait_for(asyncio.shield(running.recognised), _NAMED_SECONDS)
+            if found is not None:
+                known = {name: value for name, value in found.items() if name != "sentence"}
+                reasons = [found["sentence"], *result["reasons"]]
+                return replace(ended, result=result | {"recognised": known, "reasons": reasons})
         return ended
 
     def _save(self, inspection_id: str, ended: Ended, state: Any, reason: str | None) -> StoredInspection:

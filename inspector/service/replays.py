@@ -17,6 +17,7 @@ from inspector.errors import WorldError
 from inspector.service.desk import Desk, naming
 from inspector.service.errors import NoRecipe, RecordingGone
 from inspector.service.folder import DataFolder, new_id
+from inspector.service.recognising import Recognising
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, Recipe, StoredInspection
 from models.verdict import Policy
@@ -53,9 +54,15 @@ class Replays:
     """Replays recordings, and judges stored scores again. Everything here blocks."""
 
     def __init__(
-        self, store: AbstractStore, folder: DataFolder, desk: Desk, now_ns: Callable[[], int] = time.time_ns
+        self,
+        store: AbstractStore,
+        folder: DataFolder,
+        desk: Desk,
+        recognising: Recognising,
+        now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._store, self._folder, self._desk, self._now_ns = store, folder, desk, now_ns
+        self._recognising = recognising
 
     def prepare(
         self, inspection_id: str | None, sweep_id: str | None, recipe_id: str | None, policy: Policy | None
@@ -104,6 +111,7 @@ class Replays:
                     "appearance": str(appearance),
                     "policy": recipe.policy,
                     "names": names,
+                    "others": self._recognising.others(recipe.product_id, recipe.appearance_id),
                 },
                 progress,
             )

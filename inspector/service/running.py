@@ -6,8 +6,10 @@ import asyncio
 import json
 import time
 from base64 import b64encode
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Any, Literal
 
 from inspector.picture_headers import kind_of
@@ -19,6 +21,8 @@ from inspector.service.events import Events
 from inspector.service.load import Load, Ration
 from inspector.service.metrics import Metrics
 
+_NEWS = frozenset({"deviation_opened", "deviation_closed", "early_ng", "early_invalid", "part_found"})
+"""Kinds of messages that dashboards are told at once."""
 Phase = Literal["open", "ending", "unsaved", "ended"]
 Outcome = Literal["taken", "dropped", "duplicate"]
 _MOST_REGIONS = 12
@@ -77,10 +81,17 @@ class Ended:
 
     result: Head
     """Without frames."""
-    full: bytes
-    """With frames, as JSON."""
+    frames: bytes
+    """As JSON."""
     scores: bytes
     recording: Head
+    doubted: bool
+    """Whether it is INVALID because another part lay there."""
+
+    @cached_property
+    def full(self) -> bytes:
+        """The result with frames, as JSON."""
+        return json.dumps(self.result).encode()[:-1] + b', "frames": ' + self.frames + b"}"
 
 
 class Running:
@@ -101,6 +112,10 @@ class Running:
         self.begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.ended: asyncio.Future[Ended] = asyncio.get_running_loop().create_future()
         self.stored: Ended | None = None
+        self.doubted: Callable[[Sequence[bytes]], object] = lambda pictures: None
+        """Told pictures of the beginning, where another part lies there."""
+        self.recognised: asyncio.Task[Head | None] | None = None
+        """What lies there instead, while somebody looks for it, and afterwards."""
         self.load = Load()
         self.connections = 0
         """Counts the streams that were opened; the last one is the one that counts."""
@@ -220,6 +235,11 @@ class Running:
             self._shown_last, self.shown_at = shown, time.monotonic()
             self._around.events.show(self.inspection_id, shown.to_json(self._names()))
 
+    def tell(self, kind: str, said: Head) -> None:
+        """Something that is not an answer to a frame, to whoever feeds it and to dashboards."""
+        self._around.events.publish(kind, **self._names(), **said)
+        self._log(_json({"kind": kind, **said}))
+
     # What the scorer says.
 
     def sent(self, head: Head) -> None:
@@ -232,9 +252,12 @@ class Running:
             self._hear_frame(head, body)
         elif head["did"] == "begun":
             _settle(self.begun, None)
+        elif head["did"] == "doubted":
+            ends = [*accumulate(head["sizes"], initial=0)]
+            self.doubted([body[start:end] for start, end in pairwise(ends)])
         elif head["did"] == "concluded":
             size = head["json"]
-            _settle(self.ended, Ended(head["result"], body[:size], body[size:], head["recording"]))
+            _settle(self.ended, Ended(head["result"], body[:size], body[size:], head["recording"], head["doubted"]))
         else:
             self.died(head["why"])
 
@@ -257,7 +280,7 @@ class Running:
         self.touched = time.monotonic()
         self._said[sequence] = len(self.messages)
         for kind, line in zip(head["kinds"], lines, strict=True):
-            if kind in ("deviation_opened", "deviation_closed", "early_ng"):
+            if kind in _NEWS:
                 self._around.events.publish(kind, **self._names(), **_parsed(line))
             self._log(line)
         outcome, picture = head["kinds"][0], self._pictures.pop(sequence)

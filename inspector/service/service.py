@@ -20,6 +20,7 @@ from inspector.service.learning import Learning
 from inspector.service.locating import Locating
 from inspector.service.metrics import Metrics
 from inspector.service.pictures import Pictures
+from inspector.service.recognising import Recognising
 from inspector.service.replays import Replays
 from inspector.service.retention import DAY_NS, Retention, free_bytes, tidy
 from inspector.service.running import Bounds
@@ -84,7 +85,10 @@ class Service:
         self.access = Access(store, settings.asks_for_tokens, self.now_ns)
         learners = max(1, CORES // 2)
         # Apart: what somebody waits for does not wait for what takes minutes.
-        learning, recording, looking, showing = self._desks = (Desk(learners), Desk(4), Desk(2), Desk(1))
+        learning, recording, looking, showing, naming = self._desks = (
+            Desk(learners), Desk(4), Desk(2), Desk(1), Desk(1)
+        )  # fmt: skip
+        recognising = Recognising(store, folder, naming)
         self.jobs = Jobs(store, folder, self.events, self.metrics, learners=learners, now_ns=self.now_ns)
         self.sweeps = Sweeps(
             store,
@@ -96,7 +100,7 @@ class Service:
             now_ns=self.now_ns,
         )
         self.learning = Learning(store, folder, learning, self.now_ns)
-        self.replays = Replays(store, folder, looking, self.now_ns)
+        self.replays = Replays(store, folder, looking, recognising, self.now_ns)
         self.pictures = Pictures(store, folder, showing)
         self.trends = Trends(store, looking)
         self.inspections = Inspections(
@@ -104,6 +108,7 @@ class Service:
             folder,
             self.events,
             self.metrics,
+            recognising,
             scorers=settings.scorers,
             max_inspections=settings.max_inspections,
             max_pixels=settings.max_pixels,

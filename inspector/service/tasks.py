@@ -23,11 +23,13 @@ from inspector.cameras.base import waits
 from inspector.errors import RecordingError
 from inspector.files import write_new
 from inspector.learner import add_recordings, learn_recordings, load_appearance
+from inspector.others import Others
+from inspector.pictures import decode
 from inspector.recorder import RecordingSummary
 from inspector.recorder import record as record_sweep
 from inspector.recording import SweepReader, count_frames
 from inspector.replay import replay as replay_recording
-from inspector.result_json import result_record
+from inspector.result_json import recognised_record, result_record
 from inspector.scores_json import scores_from_bytes, scores_to_bytes
 from inspector.service import showing
 from inspector.service.archives import read_archive
@@ -37,14 +39,17 @@ from models.appearance import Appearance
 from models.drift import changes
 from models.errors import LearningError
 from models.excused import excused
-from models.frame import Frame
+from models.frame import EncodedPicture, Frame
 from models.judging import judge, rescaled
 from models.limits import promise
+from models.recognition import Other
+from models.recognition import recognise as recognise_part
 from models.verdict import Policy, Result, ScoredFrame
 from models.workspace import Workspace
 
 Progress = Callable[[float], None]
 Json = dict[str, Any]
+_OTHERS = Others()
 
 
 class TooManyFrames(RecordingError):
@@ -150,9 +155,18 @@ def _facts(learnt: Appearance) -> Json:
 
 
 def replay(
-    progress: Progress, *, recording: str, appearance: str, policy: Mapping[str, float], names: Mapping[str, str | None]
+    progress: Progress,
+    *,
+    recording: str,
+    appearance: str,
+    policy: Mapping[str, float],
+    names: Mapping[str, str | None],
+    others: Mapping[str, str],
 ) -> Json:
-    """A recording inspected; `names` has `result_id`, `recipe_id`, `product_id`, `part_id` for the result."""
+    """A recording inspected; `names` has `result_id`, `recipe_id`, `product_id`, `part_id` for the result.
+
+    `others` are the appearances of other products, one of which it may be of.
+    """
     reader, learnt, judged_by = SweepReader(Path(recording)), load_cached(appearance), Policy(**policy)
     announced = count_frames(reader.path)
 
@@ -160,7 +174,7 @@ def replay(
         if announced:
             progress(min(1.0, (scored.index + 1) / announced))
 
-    replayed = replay_recording(reader, learnt, judged_by, on_scored=tell)
+    replayed = replay_recording(reader, learnt, judged_by, on_scored=tell, others=_others(others))
     facts = {name: said for name in ("product_id", "part_id") if (said := names.get(name)) is not None}
     result = result_record(
         replayed.result, replayed.facts | facts, is_simulated=True, recipe_id=names["recipe_id"],
@@ -168,6 +182,18 @@ def replay(
     )  # fmt: skip
     scores = b64encode(scores_to_bytes(replayed.result.frames)).decode()
     return {"result": {**result, "losses": list(replayed.losses)}, "scores": scores}
+
+
+def recognise(progress: Progress, *, own: str, others: Mapping[str, str], pictures: Sequence[str]) -> Json:
+    """What pictures of a sweep show, that does not begin as its part does: `recognised`, null where nobody knows."""
+    seen = [decode(EncodedPicture("", b64decode(picture))) for picture in pictures]
+    known, asked = _others(others), _OTHERS.load(Path(own))
+    found = recognise_part(asked, seen, known)
+    return {"recognised": None if found is None else {**recognised_record(found), "sentence": found.sentence()}}
+
+
+def _others(parts: Mapping[str, str]) -> list[Other]:
+    return _OTHERS.readable({name: Path(path) for name, path in parts.items()})
 
 
 def rejudge(
@@ -308,6 +334,7 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "learn": learn,
     "excuse": excuse,
     "replay": replay,
+    "recognise": recognise,
     "rejudge": rejudge,
     "picture": picture,
     "drift": drift,

@@ -24,7 +24,7 @@ from inspector.pictures import encode_png
 from inspector.recording import SweepReader, count_frames
 from models.frame import Frame
 from tests.inspector.conftest import Line
-from tests.inspector.line import SPOT, cut, url
+from tests.inspector.line import SPOT, cut, recorded, url
 
 Captured = pytest.CaptureFixture[str]
 COMMANDS = (
@@ -246,10 +246,29 @@ def test_an_interrupt_ends_the_recording_and_closes_it_properly(
     assert reader.losses == ()
 
 
+def test_another_part_is_named_where_it_is_known(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    golden, part = (recorded(tmp_path / f"{unit}.mcap", f"part=casting&unit={unit}&seed={unit}") for unit in (1, 3))
+    assert told(capsys, "learn", golden, "--out", tmp_path / "lid.appearance")[0] == 0
+    options = ["replay", part, "--appearance", line.file]
+    for other, said in (
+        ([], "another part, the wrong way round"),
+        (["--other", tmp_path / "lid.appearance"], "another part: lid fits better"),
+        (["--other", f"cover={tmp_path / 'lid.appearance'}"], "another part: cover fits better"),
+    ):
+        _, out, _ = told(capsys, *options, *other)
+        assert "INVALID" in out
+        assert said in out
+    twice = ["--other", tmp_path / "lid.appearance"] * 2
+    code, _, err = told(capsys, *options, *twice)
+    assert (code, "'lid' names two parts" in err) == (2, True)
+    code, _, err = told(capsys, *options, "--other", tmp_path / "no.appearance")
+    assert (code, "no.appearance: No such file" in err) == (1, True)
+
+
 def test_an_interrupt_elsewhere_is_130_and_leaves_nothing(
     line: Line, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("inspector.replay.conclude", interrupted)

@@ -19,6 +19,7 @@ export class Live {
     this.deviations = new Map();
     this.dropped = 0;
     this.early = null;
+    this.foreign = null;
     this.exact = null;
     this.heardAt = performance.now();
     this.seen = new Uint8Array(PLACES);
@@ -40,8 +41,9 @@ export class Live {
     return this.phase === "processing";
   }
 
-  /** The verdict; NG where it is certain already; or the state that it is in. */
+  /** The verdict; NG where it is certain already, INVALID as long as another part lies there; or the state that it is in. */
   get standing() {
+    if (this.running && this.foreign) return "INVALID";
     return this.early && this.running ? "NG" : standing(this.facts);
   }
 

@@ -120,11 +120,11 @@ def test_what_is_scored_is_recorded_and_replays_to_the_same_digest(tmp_path: Pat
     assert result["verdict"] == "NG"
     assert result["digest"] == replayed.result.digest
     assert replayed.facts["inspection_id"] == "one"
-    full = json.loads(body[: head["json"]])
+    listed = json.loads(body[: head["json"]])
     scored = [each for each in said if each["kind"] == "scored"]
-    assert [{k: v for k, v in each.items() if k not in ("kind", "sequence")} for each in scored] == full["frames"]
+    assert [{k: v for k, v in each.items() if k not in ("kind", "sequence")} for each in scored] == listed
     opened = [each["deviation"]["index_start"] for each in said if each["kind"] == "deviation_opened"]
-    assert sorted(opened) == [each["index_start"] for each in full["deviations"]]
+    assert sorted(opened) == [each["index_start"] for each in result["deviations"]]
     assert [each["kind"] for each in said].count("early_ng") == 1
     assert head["recording"] == {"frames": len(frames()), "bytes": path.stat().st_size, "note": None}
 

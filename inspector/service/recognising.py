@@ -1,0 +1,47 @@
+"""Which part lies under the camera, where it is not the one that was meant: asked of the recipes that are active."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Sequence
+
+from inspector.service.desk import Desk
+from inspector.service.folder import DataFolder
+from inspector.stores.base import AbstractStore
+from inspector.stores.records import Json
+
+_MOST = 200
+"""Products that are asked about: the newest."""
+
+
+class Recognising:
+    """At a desk of its own, so that it does not wait for what takes minutes. Everything here blocks."""
+
+    def __init__(self, store: AbstractStore, folder: DataFolder, desk: Desk) -> None:
+        self._store, self._folder, self._desk = store, folder, desk
+
+    def others(self, product_id: str, appearance_id: str) -> dict[str, str]:
+        """Files of the appearances that other products' active recipes have, by product."""
+        found: dict[str, str] = {}
+        for product in self._store.products(limit=_MOST).items:
+            recipe = self._store.active_recipe(product.product_id)
+            if recipe is not None and product.product_id != product_id and recipe.appearance_id != appearance_id:
+                found[product.product_id] = str(self._folder.appearance(recipe.appearance_id))
+        return found
+
+    def recognise(self, product_id: str, appearance_id: str, pictures: Sequence[bytes]) -> Json | None:
+        """What pictures from the beginning of a sweep show, that are not of the part as it was learnt.
+
+        By the names of `recognised` of a result, and its `sentence`. Raises WorkFailed, WorkerDied, DeskClosed.
+        """
+        asked = {
+            "own": str(self._folder.appearance(appearance_id)),
+            "others": self.others(product_id, appearance_id),
+            "pictures": [b64encode(picture).decode() for picture in pictures],
+        }
+        return self._desk.do("recognise", asked)["recognised"]
+
+    def prepare(self) -> None:
+        """Have the appearances of active recipes at hand, where there are several. Raises as `recognise`."""
+        if len(others := self.others("", "")) > 1:
+            self._desk.do("recognise", {"own": next(iter(others.values())), "others": others, "pictures": []})
