@@ -106,7 +106,7 @@ def test_one_that_runs_says_so_and_is_whole_when_it_has_ended(
         send(*frames(GOOD)[:9])
         page = seen.open(f"#/compare/{bad['inspection_id']}/{running.inspection_id}?s=0.1", wait=".warning")
         page.wait_for_selector(".warning >> text=B is still running: what is here of it are its first 9 frames")
-        page.wait_for_selector("#station[data-state=inspecting]")
+        page.wait_for_selector("html[data-connection=live]")
         send(*frames(GOOD)[9:])
         running.conclude()
     page.wait_for_selector(".side.b .verdict.ok")

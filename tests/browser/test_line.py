@@ -141,7 +141,7 @@ def test_several_at_once_have_a_lane_each_and_keep_it(seen: Seen, station: Stati
 def test_who_comes_while_nothing_moves_sees_the_last_picture(seen: Seen, station: Station) -> None:
     with station.sweeping("0050") as send:
         send(*frames(BAD)[:12])
-        page = seen.open(wait="#station[data-state=inspecting]")
+        page = seen.open(wait=".lane.is-running")
         page.wait_for_selector(".lane.is-running .caption >> text=Frame 11, s 0.")
         assert page.evaluate(ORANGE, [".lane.is-running canvas.picture", 0, 0, 0, 0]) is not None
         page.click(".lane.is-running .lane-name")
