@@ -49,9 +49,9 @@ def test_every_error_has_a_place_in_the_table() -> None:
     assert InspectionError not in KINDS
     assert WorldError not in KINDS
     lost = {each for each in family(InspectionError) if not set(each.__mro__) & set(KINDS)}
-    # Labelled sets are evaluated at the command line only, no request comes where nobody listens, and a client is the
-    # other side.
-    elsewhere = ("inspector.evaluation.", "inspector.serving", "inspector.client.")
+    # Labelled sets and batches are worked on at the command line only, no request comes where nobody listens, and a
+    # client is the other side.
+    elsewhere = tuple(f"inspector.{name}" for name in ("evaluation.", "batch.", "executors", "serving", "client."))
     assert {each for each in lost if not each.__module__.startswith(elsewhere)} <= {WorldError}
     assert kind_of(type("New", (next(iter(KINDS)),), {}))[1] is next(iter(KINDS.values()))
 
