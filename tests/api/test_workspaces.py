@@ -334,3 +334,15 @@ def test_when_the_process_ends_the_connection_is_closed_and_a_new_one_works(clie
     while not client.post(f"/v1/workspaces/{uploaded}/locate", content=jpeg(seen(0, 0)), headers=JPEG).is_success:
         assert time.monotonic() < until
         time.sleep(0.1)
+
+
+def test_when_the_service_stops_connections_are_closed_and_nothing_new_is_taken(tmp_path: Path) -> None:
+    app = create_app(read_settings(data=tmp_path / "data", scorers=1))
+    with TestClient(app, base_url="http://127.0.0.1") as client:
+        name = client.post("/v1/workspaces", content=workspace().to_bytes()).json()["workspace_id"]
+        with tracked(client, name) as socket:
+            Stream(socket).hear("ready")
+            app.state.service.locating.stop()
+            assert socket.receive()["code"] == 1012
+        located = client.post(f"/v1/workspaces/{name}/locate", content=jpeg(seen(0, 0)), headers=JPEG)
+        assert (located.status_code, located.json()["type"]) == (503, "urn:inspector:stopping")
