@@ -27,6 +27,7 @@ from inspector.errors import (
     StoreError,
 )
 from inspector.files import NotWritten
+from inspector.labels import LabelsRefused
 from inspector.policies import PolicyRefused
 from inspector.result_json import BadRecord
 from inspector.scores_json import ScoresUnreadable
@@ -55,7 +56,6 @@ from inspector.service.pictures import NoSuchPicture
 from inspector.service.replays import NoScores
 from inspector.settings import SettingRefused
 from inspector.stores.base import NoSuch, StoreConflict
-from inspector.workspaces import LabelsRefused
 from models.errors import AppearanceError, InspectionError, NumericError
 
 log = structlog.get_logger(__name__)

@@ -16,7 +16,7 @@ workspace = typer.Typer(no_args_is_help=True, help="Where things are: learn it f
 @workspace.command()
 def learn(
     labels: Annotated[
-        Path, typer.Argument(metavar="LABELS.csv", help="Columns file, object, and one per parameter; a row a picture.")
+        Path, typer.Argument(metavar="LABELS.csv", help="Columns file, object, and one per parameter; or a recording.")
     ],
     *,
     out: Annotated[Path, typer.Option(metavar="OBJECTS.workspace", help="New file for what is learnt.")],
@@ -29,14 +29,15 @@ def learn(
 
     Example: inspector workspace learn labels.csv --out objects.workspace --periodic angle_deg=360
     """
-    from inspector.workspaces import learn_labels, read_labels
+    from inspector.labels import read_labels
+    from inspector.workspaces import learn_labels
 
     listed = read_labels(labels, dict(_period(each) for each in periodic or ()))
     with progress("learning") as share:
         learnt = learn_labels(listed, out, share)
     names = ", ".join(parameter.name for parameter in learnt.parameters)
     objects = "one object" if len(learnt.objects) == 1 else f"{len(learnt.objects)} objects"
-    print(f"{out}: {objects} over {names}, from {len(listed.rows)} pictures")
+    print(f"{out}: {objects} over {names}, from {learnt.facts['pictures']} pictures")
     print(learnt.id)
 
 

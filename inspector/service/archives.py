@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 from inspector.errors import WorldError
-from inspector.workspaces import Labels, read_labels
+from inspector.labels import LabelledFiles, read_csv
 
 BEGINS = b"PK\x03\x04"
 """A ZIP archive does."""
@@ -31,7 +31,9 @@ class ArchiveRefused(WorldError):
         super().__init__(f"{path}: {why}; allowed is a ZIP archive of pictures with one CSV file of their labels")
 
 
-def read_archive(path: Path, folder: Path, periods: Mapping[str, float], *, max_bytes: int, max_files: int) -> Labels:
+def read_archive(
+    path: Path, folder: Path, periods: Mapping[str, float], *, max_bytes: int, max_files: int
+) -> LabelledFiles:
     """The labels in an archive, unpacked into the new folder, with no picture from outside of it.
 
     `max_bytes` is allowed once it is unpacked. Raises ArchiveRefused, LabelsRefused.
@@ -52,7 +54,7 @@ def read_archive(path: Path, folder: Path, periods: Mapping[str, float], *, max_
     lists = [name for name in files if name.suffix.lower() == ".csv"]
     if len(lists) != 1:
         raise ArchiveRefused(path, f"{len(lists)} CSV files in it")
-    labels = read_labels(folder / lists[0], periods)
+    labels = read_csv(folder / lists[0], periods)
     inside = {(folder / name).resolve() for name in files}
     for picture, _, _ in labels.rows:
         if picture.resolve() not in inside:

@@ -23,10 +23,11 @@ from inspector.cameras.simulated import SimulatedCamera
 from inspector.cameras.simulated.canvas import HEIGHT, WIDTH
 from inspector.cameras.simulated.render import Pose
 from inspector.following import learn_displacements
+from inspector.labels import read_labels
 from inspector.pictures import encode_png
 from inspector.protocol import SentFrame
 from inspector.settings import read_settings
-from inspector.workspaces import learn_labels, located_record, read_labels
+from inspector.workspaces import learn_labels, located_record
 from models.frame import Frame
 from models.workspace import Workspace
 from tests.api.stations import Stream, begin, feed, frames, learnt, teach

@@ -33,7 +33,7 @@ import models.workspace.learning
 from inspector.cameras import open_camera
 from inspector.cameras.simulated import SimulatedCamera
 from inspector.cameras.simulated.render import Pose
-from inspector.workspaces import read_picture
+from inspector.labels import read_picture
 from models.workspace import LabelledPicture, Located, Parameter, Workspace, learn_workspace
 
 Camera = Callable[[Sequence[float], int], np.ndarray]

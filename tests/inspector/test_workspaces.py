@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +12,12 @@ import numpy as np
 import pytest
 
 from inspector.cli import run
+from inspector.labels import LabelsRefused, read_csv, read_labels
 from inspector.pictures import encode_png
-from inspector.workspaces import LabelsRefused, learn_labels, load_workspace, locate_picture, read_labels
+from inspector.workspaces import learn_labels, load_workspace, locate_picture
 from models.errors import AppearanceError, LearningError, PictureError
 from models.workspace import Parameter
+from tests.inspector.conftest import Line
 from tests.models.parts import surface
 from tests.models.workspace.drawn import VIEW, view
 
@@ -75,7 +79,7 @@ def test_learning_and_locating_by_command(tmp_path: Path, capsys: Captured) -> N
 
 def test_columns_come_in_any_order_and_axes_may_turn(tmp_path: Path) -> None:
     (tmp_path / "l.csv").write_text("\ufeffangle_deg, object,file\n10,cup,a.png\n\n20,cup,sub/b.png\n")
-    labels = read_labels(tmp_path / "l.csv", {"angle_deg": 360})
+    labels = read_csv(tmp_path / "l.csv", {"angle_deg": 360})
     assert labels.parameters == (Parameter("angle_deg", 360),)
     assert labels.rows == ((tmp_path / "a.png", "cup", (10.0,)), (tmp_path / "sub/b.png", "cup", (20.0,)))
 
@@ -106,7 +110,7 @@ def test_a_period_of_nothing_is_refused(tmp_path: Path, capsys: Captured) -> Non
     labels = labelled(tmp_path)
     code, _, err = told(capsys, "workspace", "learn", labels, "--out", tmp_path / "w", "--periodic", "angle=360")
     assert (code, err.count("\n")) == (1, 1)
-    assert "no column angle, of which a period was given; parameters are x" in err
+    assert "no parameter angle, of which a period was given; parameters are x" in err
     code, _, err = told(capsys, "workspace", "learn", labels, "--out", tmp_path / "w", "--periodic", "x=-1")
     assert (code, err.count("\n")) == (2, 1)
     assert not (tmp_path / "w").exists()
@@ -138,3 +142,56 @@ def test_a_file_that_is_no_workspace_is_refused(tmp_path: Path) -> None:
     for name, said in (("w", "not a workspace"), ("none", "No such file")):
         with pytest.raises(AppearanceError, match=said):
             load_workspace(tmp_path / name)
+
+
+def recorded(path: Path, said: Callable[[float], object]) -> Path:
+    """A part seen from X, each picture with what is said of it; one more picture of which nothing is said."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        image = writer.register_schema("foxglove.CompressedImage", "jsonschema", b"{}")
+        pictures = writer.register_channel("/camera/image", "json", image)
+        labels = writer.register_channel("/workspace/q", "json", 0)
+        for number, x in enumerate((*X, 99.0)):
+            data = base64.b64encode(encode_png(view(surface(1), x)).data).decode()
+            message = {"timestamp": {"sec": 0, "nsec": 0}, "frame_id": "", "format": "png", "data": data}
+            writer.add_message(pictures, number, json.dumps(message).encode(), number, number)
+            if x < 99:
+                writer.add_message(labels, number, json.dumps(said(x)).encode(), number, number)
+        writer.finish()
+    return path
+
+
+def test_a_recording_may_say_what_it_shows(tmp_path: Path, capsys: Captured) -> None:
+    path = recorded(tmp_path / "part.mcap", lambda x: {"object": "part", "q": {"x": x}})
+    code, said, err = told(capsys, "workspace", "learn", path, "--out", tmp_path / "w")
+    assert (code, err) == (0, "")
+    assert f"one object over x, from {len(X)} pictures" in said
+    assert load_workspace(tmp_path / "w").locate(view(surface(1), 1.4)).q == pytest.approx((1.4,), abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        ({"object": "part"}, 'allowed is {"object": "cup", "q": {"angle_deg": 10.0}}'),
+        ([], "allowed is"),
+        ({"object": "part", "q": {"x": "far"}}, "allowed is"),
+        ({"object": "part", "q": {"x": float("inf")}}, "allowed are numbers for x"),
+    ],
+)
+def test_what_a_recording_says_amiss_is_refused(tmp_path: Path, message: object, said: str) -> None:
+    path = recorded(tmp_path / "part.mcap", lambda x: message)
+    with pytest.raises(LabelsRefused) as error:
+        read_labels(path)
+    assert said in str(error.value)
+
+
+def test_a_recording_without_labels_is_refused(line: Line) -> None:
+    with pytest.raises(LabelsRefused, match="nothing on /workspace/q"):
+        read_labels(line.golden[0])
+
+
+def test_a_folder_may_hold_its_labels(tmp_path: Path) -> None:
+    assert read_labels(labelled(tmp_path).parent) == read_labels(tmp_path / "labels.csv")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from inspector.labels import LabelsRefused
 from inspector.service.archives import ArchiveRefused, read_archive
-from inspector.workspaces import LabelsRefused
 
 LABELS = b"file,object,x\na.jpg,cup,0\nsub/b.jpg,cup,1\n"
 
