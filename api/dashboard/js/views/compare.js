@@ -114,7 +114,7 @@ function half(root, side, app) {
     h("h1", {}, `Compare sweeps of ${side.inspection.product_id}`),
     h("div", { class: "two" },
       card("a", side, null),
-      h("section", { class: "panel side" },
+      h("section", { class: "panel side b" },
         h("span", { class: "letter" }, "B"),
         h("p", { class: "note" }, "Another sweep of the same product: an inspection, or a golden sweep."),
         h("button", { type: "button", class: "main", onclick: ask }, "Choose"))));
