@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 
 import numpy as np
+from jaxtyping import Float
 
 from models.eigenspace import Eigenspace, fit_eigenspace
 from models.errors import LearningError
@@ -77,5 +78,12 @@ def _learnt(name: str, grid: Grid, eye: Eye, periods: tuple[float | None, ...]) 
     samples = z[grid.order]
     strays = left_out(samples, grid.axes, periods)
     noise = shrunk(strays, eye.noise)
-    farthest = float(np.square(strays).sum(axis=1).max()) if len(strays) else 4 * off
-    return LearntObject(name, space, Manifold(grid.axes, samples, periods), noise, off, (farthest + 4 * off) ** 0.5)
+    squares = np.square(strays).sum(axis=1) if len(strays) else _halfway(samples)
+    limit = float(squares.max() + 4 * off) ** 0.5
+    return LearntObject(name, space, Manifold(grid.axes, samples, periods), noise, off, limit)
+
+
+def _halfway(samples: Float[np.ndarray, "*r k"]) -> Float[np.ndarray, " n"]:
+    """Squared, from each sample to halfway to the next one: all that is known where two values make an axis."""
+    steps = [np.diff(samples, axis=axis).reshape(-1, samples.shape[-1]) for axis in range(samples.ndim - 1)]
+    return np.square(np.concatenate(steps)).sum(axis=1) / 4

@@ -98,6 +98,9 @@ class LearntObject:
             raise AppearanceError(
                 f"object {header['name']}: {space.k} dimensions, manifold {manifold.k}, {noise.shape}"
             )
+        finite = all(np.isfinite(each).all() for each in (header["off"], header["limit"], *arrays.values()))
+        if not finite or np.linalg.eigvalsh(noise)[0] <= 0:
+            raise AppearanceError(f"object {header['name']}: its numbers cannot be; allowed are finite, noise above 0")
         return cls(str(header["name"]), space, manifold, noise, float(header["off"]), float(header["limit"]))
 
 

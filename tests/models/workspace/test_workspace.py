@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
+
 import cv2
 import numpy as np
 import pytest
@@ -108,3 +111,75 @@ def _wide(part: np.ndarray, x: float) -> np.ndarray:
     moved = np.array([[1.0, 0, 100 + x], [0, 1, 30]])
     seen = cv2.warpAffine(part, moved, (192, 144), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
     return np.clip(seen, 0, 255).astype(np.uint8)
+
+
+def test_two_values_on_an_axis_will_do() -> None:
+    workspace = learn_workspace(pictures(((-1.0, 1.0), (-1.0, 1.0))), XY)
+    found = workspace.locate(view(surface(1), 0.2, -0.4))
+    assert found.state == "known"
+    assert found.q == pytest.approx((0.2, -0.4), abs=0.25)
+
+
+def test_four_parameters_one_of_them_a_turn() -> None:
+    down, across = np.mgrid[-1 : 1 : VIEW[1] * 1j, -1 : 1 : VIEW[0] * 1j]
+
+    def seen(x: float, y: float, turn: float, lamp: float) -> np.ndarray:
+        """The lamp goes round the part."""
+        shade = 1 + 0.3 * (np.cos(np.radians(lamp)) * across + np.sin(np.radians(lamp)) * down)
+        return np.clip(view(surface(1), x, y, turn) * shade, 0, 255).astype(np.uint8)
+
+    axes = ((-2.0, 0.0, 2.0), (-2.0, 0.0, 2.0), (-3.0, 0.0, 3.0), np.arange(0, 360, 45.0))
+    names = (*XY, Parameter("turn"), Parameter("lamp", 360))
+    workspace = learn_workspace((LabelledPicture("part", q, seen(*q)) for q in product(*axes)), names)
+    for q in ((0.7, -1.1, 1.9, 341.0), (-1.4, 0.3, -0.8, 180.0)):
+        found = workspace.locate(seen(*q))
+        assert found.q is not None
+        assert (np.abs(np.array(found.q) - q) < (0.2, 0.2, 0.3, 5)).all()
+
+
+def test_what_strays_anyway_does_not_mislead() -> None:
+    rng = np.random.default_rng(2)
+
+    def seen(x: float) -> np.ndarray:
+        """A part under a lamp that is moved about between pictures."""
+        shade = 1 + 0.3 * rng.uniform(-1, 1) * np.linspace(-1, 1, VIEW[1])[:, None]
+        return np.clip(view(surface(1), x) * shade, 0, 255).astype(np.uint8)
+
+    learnt = (LabelledPicture("part", (x,), seen(x)) for x in np.linspace(-12, 12, 25))
+    weighed = learn_workspace(learnt, XY[:1])
+    part = weighed.learnt[0]
+    alike = replace(weighed, learnt=(replace(part, noise=np.eye(part.space.k) * np.trace(part.noise)),))
+    places = rng.uniform(-11, 11, 40).tolist()
+    errors: list[float] = []
+    for workspace in (weighed, alike):
+        found = [(workspace.locate(seen(x)).q or (np.inf,))[0] for x in places]
+        errors.append(float(np.mean(np.abs(np.array(found) - places))))
+    assert errors[0] < errors[1] / 2
+
+
+def test_colour_tells_apart_what_is_alike_in_grey() -> None:
+    def tinted(x: float, blue: bool) -> np.ndarray:
+        grey = view(surface(1), x).astype(np.float32)
+        # blue and red that OpenCV makes the same grey of
+        other = np.float32(0.114 / 0.299)
+        weights = np.array([0.9, 0.5, 0.3] if blue else [0.3, 0.5, 0.3 + 0.6 * other], np.float32)
+        return np.clip(grey[..., None] * weights, 0, 255).astype(np.uint8)
+
+    learnt = [
+        LabelledPicture(name, (x,), tinted(x, name == "blue"))
+        for name in ("blue", "red")
+        for x in np.linspace(-8, 8, 9)
+    ]
+    workspace = learn_workspace(learnt, XY[:1])
+    for name in ("blue", "red"):
+        found = workspace.locate(tinted(2.9, name == "blue"))
+        assert (found.object, found.state) == (name, "known")
+        assert found.q == pytest.approx((2.9,), abs=0.1)
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.0])
+def test_a_file_whose_numbers_cannot_be_is_refused(plates: Workspace, value: float) -> None:
+    noise = value * np.eye(plates.learnt[0].space.k)
+    wrong = replace(plates, learnt=(replace(plates.learnt[0], noise=noise), *plates.learnt[1:]))
+    with pytest.raises(AppearanceError, match="object part1: its numbers cannot be"):
+        Workspace.from_bytes(wrong.to_bytes())
