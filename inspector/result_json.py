@@ -134,7 +134,10 @@ def _deviation_of(record: Mapping[str, Any]) -> Deviation:
 
 
 def _recognised_of(record: Mapping[str, Any] | None) -> Recognised | None:
-    return None if record is None else Recognised(**_known(Recognised, record))
+    if record is None:
+        return None
+    known = _known(Recognised, record)
+    return Recognised(**known | {"off": known["off"] and tuple(known["off"])})
 
 
 def _known(kind: type[Deviation | Recognised | Region], record: Mapping[str, Any]) -> dict[str, Any]:

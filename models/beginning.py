@@ -51,7 +51,7 @@ class Beginning:
     @classmethod
     def of(cls, appearance: Appearance) -> Beginning:
         """Before the first frame."""
-        return cls(max(_FEWEST, round(_FIRST * appearance.places)))
+        return cls(_needed(appearance))
 
     @property
     def failed(self) -> bool:
@@ -72,9 +72,22 @@ class Beginning:
         agreed = (*self.agreed, fits)[-self.needed :]
         if sum(agreed) >= ceil(self.needed * 2 / 3):
             return Beginning(self.needed, confirmed=True)
-        keep = not self.failed and self.counted % ceil(self.needed / _KEPT) == 0
+        keep = not self.failed and self.counted % _every(self.needed) == 0
         kept = (*self.kept, frame) if keep else self.kept
         return replace(self, agreed=agreed, kept=kept, counted=self.counted + 1, last=last)
+
+
+def kept_every(appearance: Appearance) -> int:
+    """Frames that count from one that is kept to the next."""
+    return _every(_needed(appearance))
+
+
+def _needed(appearance: Appearance) -> int:
+    return max(_FEWEST, round(_FIRST * appearance.places))
+
+
+def _every(needed: int) -> int:
+    return ceil(needed / _KEPT)
 
 
 def agrees(appearance: Appearance, shown: Look) -> bool | None:

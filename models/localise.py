@@ -53,6 +53,8 @@ _LIES_STD, _TURNED = np.array([1.0, 1.0, 0.005]), 0.5
 _LIGHT_STD = np.array([0.25, 25.0, 0.15, 0.15])
 _LIGHT_WANDER = np.array([0.02, 2.0, 0.01, 0.01])
 _LIGHT_ANY, _LIGHT_STEADY = (np.diag(1 / np.square(std)) for std in (_LIGHT_STD, 3 * _LIGHT_WANDER))
+_ROUGHLY = np.array([4.0, 4.0, 0.05])
+"""How well a pose is known that was searched in small pictures: pixels, radians."""
 _POSE_FLOOR = np.diag(np.square([0.15, 0.15, 0.0005]))
 
 
@@ -204,6 +206,14 @@ def _attempt(scene: _Scene, guess: Fixture, light: np.ndarray | None = None) -> 
 def compare(guide: Guide, smoothed: np.ndarray, at: float) -> Attempt:
     """Lay a frame of which nothing is known on a place, as well as it will go."""
     return _search(_Scene(guide, smoothed, begin(guide.track)), Fixture.unknown(at))
+
+
+def lay(guide: Guide, smoothed: np.ndarray, reference: int, pose: Float[np.ndarray, " 3"]) -> tuple[Registered, float]:
+    """Lay a frame on a reference picture about a pose that was found some other way; and how well it agrees there."""
+    model = guide.template(reference)
+    prior = Prior(pose, np.diag(1 / np.square(_ROUGHLY)), _light(model, smoothed, pose), _LIGHT_ANY)
+    registered = register(model, smoothed, prior, STEPS_FAR)
+    return registered, _agreement(model, registered)
 
 
 def _search(scene: _Scene, guess: Fixture, halted: Fixture | None = None) -> Attempt:

@@ -1,4 +1,4 @@
-"""What lies there instead: the learnt part turned by 180 degrees, or the part of another recipe."""
+"""What lies there instead: the learnt part turned by 180 degrees or far off, or the part of another recipe."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Float32
 
 from models.appearance import Appearance
+from models.beginning import kept_every
+from models.displaced import displaced
 from models.eigenspace import Eigenspace
 from models.frame import kind_of
 from models.localise import belongs, compare
@@ -22,6 +24,8 @@ from models.tolerance import levels
 from models.turning import belongs as looks_alike
 from models.verdict import Recognised
 
+_ENOUGH = 2 / 3
+"""Share of the pictures that must agree."""
 _TRIED = 5
 """Other parts, upright or turned, that pictures are laid on: those that look most like them."""
 _BEGINS = (0, 4)
@@ -83,39 +87,56 @@ class _Fit(NamedTuple):
         return self.agreement > other.agreement + _AS_WELL * count
 
 
+class _Guess(NamedTuple):
+    """What may lie there, and how well that fits."""
+
+    fit: _Fit
+    other: Other | None = None
+    """None for the learnt part."""
+    turned: bool = False
+    off: tuple[float, float] | None = None
+
+
 def recognise(own: Appearance, pictures: Sequence[np.ndarray], others: Sequence[Other] = ()) -> Recognised | None:
     """What pictures of a sweep that does not begin as `own` does show instead; None where nobody knows.
 
-    Each picture is laid, for itself, on the places of an appearance that look most like it; how well it agrees does not
-    hang on any eigenspace, and what is asked for is what tells a place from wrong ones there. Two thirds of the
-    pictures must agree. Others are looked at by their cards first, so that fifty cost little more than five.
+    `pictures` are those that `models.beginning` keeps. Each is laid, for itself, on the places of an appearance that
+    look most like it; how well it agrees does not hang on any eigenspace, and what is asked for is what tells a place
+    from wrong ones there. Two thirds of the pictures must agree, five sixths where the part lies off. Others are
+    looked at by their cards first, so that fifty cost little more than five.
     """
-    seen = [picture for picture in pictures if not is_blind(smooth(levels(picture)))]
-    seen = [picture for picture in seen if kind_of(picture) == own.references.kind]
-    if not seen:
+    usable = [i for i, picture in enumerate(pictures) if kind_of(picture) == own.references.kind and _shows(picture)]
+    if not usable:
         return None
+    seen, count = [pictures[i] for i in usable], len(usable)
     turned = [cv2.rotate(picture, cv2.ROTATE_180) for picture in seen]
-    count = len(seen)
-    upright, as_turned = _fit(own, seen), _fit(own, turned)
-    known, fit = Recognised(None, own.id, True, as_turned.agree, count), max(upright, as_turned)
-    likely = _likely(seen, turned, others)
-    tried = [_tried(other, turned if is_turned else seen, is_turned) for other, is_turned in likely]
-    best = max(tried, key=lambda each: each[0], default=None)
-    if best is not None and best[0].better(fit, count):
-        fit, known = best
-    elif upright >= as_turned:
+    as_it_is = _Guess(_fit(own, seen))
+    best = max(
+        as_it_is, _Guess(_fit(own, turned), turned=True), _lying_off(own, seen, usable), key=lambda each: each.fit
+    )
+    likely = [
+        _Guess(_fit(other.appearance(), turned if is_turned else seen), other, is_turned)
+        for other, is_turned in _likely(seen, turned, others)
+    ]
+    likeliest = max(likely, key=lambda each: each.fit, default=None)
+    if likeliest is not None and likeliest.fit.better(best.fit, count):
+        best = likeliest
+    if best is as_it_is or best.fit.agree < ceil(count * (5 / 6 if best.off else _ENOUGH)):
         return None
-    return known if fit.agree >= _enough(count) else None
+    part, appearance = (None, own) if best.other is None else (best.other.name, best.other.appearance())
+    return Recognised(part, appearance.id, best.turned, best.fit.agree, count, best.off)
 
 
-def _tried(other: Other, pictures: Sequence[np.ndarray], is_turned: bool) -> tuple[_Fit, Recognised]:
-    appearance = other.appearance()
-    fit = _fit(appearance, pictures)
-    return fit, Recognised(other.name, appearance.id, is_turned, fit.agree, len(pictures))
+def _lying_off(own: Appearance, seen: Sequence[np.ndarray], numbers: Sequence[int]) -> _Guess:
+    """The learnt part, further off than can be followed; `numbers` are those of the pictures among all kept."""
+    lies = displaced(own, seen, [number * kept_every(own) for number in numbers])
+    if lies is None or not lies.is_off:
+        return _Guess(_Fit(-1, 0.0))
+    return _Guess(_Fit(lies.agree, lies.agreement), off=(round(lies.across, 1), round(lies.degrees, 1)))
 
 
-def _enough(count: int) -> int:
-    return ceil(count * 2 / 3)
+def _shows(picture: np.ndarray) -> bool:
+    return not is_blind(smooth(levels(picture)))
 
 
 def _likely(
@@ -137,7 +158,7 @@ def _fit(appearance: Appearance, pictures: Sequence[np.ndarray]) -> _Fit:
     """How many of the pictures agree with the appearance; it is given up where they can be enough no more."""
     agree, agreement = 0, 0.0
     for done, picture in enumerate(pictures):
-        if agree + len(pictures) - done < _enough(len(pictures)):
+        if agree + len(pictures) - done < ceil(len(pictures) * _ENOUGH):
             break
         fits, reached = _laid(appearance, picture)
         agree, agreement = agree + fits, agreement + reached

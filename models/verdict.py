@@ -147,16 +147,24 @@ class Recognised:
     agree: int
     of: int
     """So many of so many frames from the beginning agree with that."""
+    off: tuple[float, float] | None = None
+    """How the learnt part lies, where it is too far off to be followed: pixels across the camera's path, and
+    degrees, clockwise in the picture."""
 
     def sentence(self) -> str:
         """For a reason.
 
         >>> Recognised(None, "sha256:0", True, 6, 6).sentence()
         'the part lies upside down, turned by 180 degrees: 6 of 6 frames agree with it so'
+        >>> Recognised(None, "sha256:0", False, 5, 6, (-31.2, 4.04)).sentence()
+        'the part lies off, 31 px across the path, turned by 4.0 degrees: 5 of 6 frames agree with it so'
         """
         what = "the part lies" if self.part is None else f"another part: {self.part} fits better"
         way = f"{',' * (self.part is not None)} upside down, turned by 180 degrees" if self.turned else ""
-        return f"{what}{way}: {self.agree} of {self.of} frames agree with it{' so' * self.turned}"
+        if self.off is not None:
+            across, degrees = self.off
+            way = f" off, {abs(across):.0f} px across the path, turned by {abs(degrees):.1f} degrees"
+        return f"{what}{way}: {self.agree} of {self.of} frames agree with it{' so' * bool(way)}"
 
 
 @dataclass(frozen=True)

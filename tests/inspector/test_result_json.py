@@ -14,7 +14,7 @@ from inspector.replay import replay
 from inspector.report import sentences
 from inspector.result_json import BadRecord, frame_records, result_of, result_record, write_result
 from models.limits import promise
-from models.verdict import Deviation, FrameState, Judgement, Region, Residuals, Result, ScoredFrame
+from models.verdict import Deviation, FrameState, Judgement, Recognised, Region, Residuals, Result, ScoredFrame
 from tests.inspector.conftest import Line
 
 REGION = Region(120, 88, 24, 17, 3.2, "bright")
@@ -25,7 +25,8 @@ FRAMES = (
     ),
 )
 DEVIATION = Deviation(0.36, 0.39, 144, 156, "appearance", "bright", 3.2, 150, (REGION,))
-RESULT = Result(Judgement.NG, ("why",), 0.998, 398, 2, (DEVIATION,), "sha256:a", "sha256:d", FRAMES)
+LIES = Recognised(None, "sha256:a", False, 5, 6, (-31.2, 4.0))
+RESULT = Result(Judgement.NG, ("why",), 0.998, 398, 2, (DEVIATION,), "sha256:a", "sha256:d", FRAMES, LIES)
 SEEN = {"x": 120, "y": 88, "width": 24, "height": 17, "score": 3.2, "polarity": "bright"}
 
 
@@ -54,6 +55,9 @@ def test_every_name_and_value_is_there(tmp_path: Path) -> None:
         "product_id": "valve", "part_id": "7", "recipe_id": None, "appearance_id": "sha256:a", "verdict": "NG",
         "result_state": "completed", "is_partial": False, "is_simulated": True, "reasons": ["why"],
         "coverage": 0.998, "frames_scored": 398, "frames_dropped": 2, "digest": "sha256:d",
+        "recognised": {
+            "part": None, "appearance_id": "sha256:a", "turned": False, "agree": 5, "of": 6, "off": [-31.2, 4.0],
+        },
         "promise": None, "profile": [None] * 16 + [3.2] + [None] * 33,
     }  # fmt: skip
 

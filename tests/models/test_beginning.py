@@ -12,7 +12,7 @@ from models.inspection import Inspection, begin, conclude, digest, step
 from models.learning import learn
 from models.recognition import Card, Other
 from models.verdict import FrameState, Judgement, Recognised, Result
-from tests.models.parts import FRAMES, View, frame, golden, places, shot, surface, swept, with_spot
+from tests.models.parts import FIRST, FRAMES, View, frame, golden, places, pose_of, shot, surface, swept, with_spot
 
 SEEN = View(seed=31)
 TENTH = FRAMES // 10
@@ -76,6 +76,21 @@ def test_a_part_that_lies_upside_down_is_told_so():
     twice = early(upside_down(swept(surface(3), view=SEEN)), [other(2), other(3)])
     assert twice.recognised is not None
     assert (twice.recognised.part, twice.recognised.turned) == ("part3", True)
+
+
+@pytest.mark.parametrize(("dy", "turn"), [(40, 0.0), (-30, 0.0), (-25, 0.15), (0, -0.2)])
+def test_how_a_part_lies_that_is_too_far_off_is_told(dy: float, turn: float):
+    view = View(dy=dy, turn=turn, seed=8)
+    told = early(swept(surface(), view=view), [other(2)])
+    assert told.verdict is Judgement.INVALID
+    assert told.recognised is not None
+    assert told.recognised.part is None
+    assert told.recognised.off is not None
+    across, degrees = told.recognised.off
+    # the camera goes to the right, so that pictures go to the left, and down is to their left
+    assert across == pytest.approx(-pose_of(view, FIRST)[1], abs=1.0)
+    assert degrees == pytest.approx(np.rad2deg(turn), abs=0.3)
+    assert "the part lies off" in told.reasons[0]
 
 
 def test_a_part_that_nobody_knows_is_invalid_without_a_name():
