@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from fastapi.requests import Request
 
 from api.deps import in_thread
 from api.errors import WrongType
+from inspector.errors import NotARecording
 from inspector.files import NotWritten
 from inspector.recording import begins_as_mcap
 from inspector.service.archives import BEGINS as ARCHIVE
@@ -34,19 +36,27 @@ async def receive_recording(request: Request, folder: DataFolder) -> Received:
     return received
 
 
-async def receive_workspace(request: Request, folder: DataFolder) -> tuple[bytes, Received]:
-    """What the body begins with, WORKSPACE or ARCHIVE, and the body itself, as a recording is received.
+Kind = Literal["learnt", "archive", "recording"]
+
+
+async def receive_workspace(request: Request, folder: DataFolder) -> tuple[Kind, Received]:
+    """What the body is by its first bytes, and the body itself, as a recording is received.
 
     Raises WrongType, NotWritten, BodyTooLarge, ClientDisconnect.
     """
     return await _receive(request, folder, _begins_as_workspace)
 
 
-def _begins_as_workspace(start: bytes) -> bytes:
-    for known in (WORKSPACE, ARCHIVE):
-        if start.startswith(known[:START]):
-            return known
-    raise WrongType(f"no workspace, it begins with {start.hex()}", "a learnt workspace, or a ZIP archive of pictures")
+def _begins_as_workspace(start: bytes) -> Kind:
+    if start == WORKSPACE[:START]:
+        return "learnt"
+    if start.startswith(ARCHIVE):
+        return "archive"
+    with suppress(NotARecording):
+        begins_as_mcap(Path("the body"), start)
+        return "recording"
+    allowed = "a learnt workspace, a ZIP archive of pictures, or an MCAP recording"
+    raise WrongType(f"no workspace, it begins with {start.hex()}", allowed)
 
 
 async def _receive(request: Request, folder: DataFolder, check: Callable[[bytes], T]) -> tuple[T, Received]:

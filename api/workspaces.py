@@ -30,7 +30,7 @@ from api.deps import (
 from api.errors import BodyTooLarge, WrongType
 from api.inspections import PICTURES
 from api.jobs import Accepted
-from api.uploads import ARCHIVE, WORKSPACE, receive_workspace
+from api.uploads import receive_workspace
 from inspector.service.folder import remove
 from inspector.stores.base import NoSuchWorkspace
 from inspector.stores.records import Json, StoredWorkspace, WorkspaceSource
@@ -118,15 +118,16 @@ async def add(
         Query(max_length=4, description="With pictures: a parameter that turns, and after how much: angle_deg=360."),
     ] = None,
 ) -> Response:
-    """Upload what `inspector workspace learn` wrote; or a ZIP archive of pictures and their labels, learnt as a job.
+    """Upload what `inspector workspace learn` wrote; or pictures and their labels, which are learnt as a job.
 
-    The labels are the one CSV file in the archive: columns file, object, and one per parameter.
+    Pictures come as a ZIP archive with one CSV file (columns file, object, and one per parameter), or as an MCAP
+    recording with a message on /workspace/q at the time of each, as `inspector workspace learn` reads it.
     """
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind.startswith(("multipart/", "text/", "image/", "video/", "application/json")):
         raise WrongType(kind, f"a workspace as {BINARY}, or pictures with their labels as {ZIP}")
     periods = _periods(periodic or ())
-    begins, received = await receive_workspace(request, service.folder)
+    found, received = await receive_workspace(request, service.folder)
     taken = False
 
     async def keep() -> tuple[int, BaseModel]:
@@ -140,14 +141,14 @@ async def add(
 
         asked: Json = {"sha256": received.sha256, "bytes": received.bytes, "name": name, "periodic": periods}
         job = await service.jobs.begin("workspace", None, asked, work)
-        # The job removes the archive.
+        # The job removes what was received.
         taken = True
         return 202, Accepted(job_id=job.job_id)
 
     try:
-        if begins == WORKSPACE and received.bytes > MAX_BYTES:
+        if found == "learnt" and received.bytes > MAX_BYTES:
             raise BodyTooLarge(MAX_BYTES)
-        return await once(request, service, who, learn if begins == ARCHIVE else keep, received.sha256.encode())
+        return await once(request, service, who, keep if found == "learnt" else learn, received.sha256.encode())
     finally:
         if not taken:
             await in_thread(remove, received.draft)

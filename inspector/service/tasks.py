@@ -22,6 +22,7 @@ from inspector.cameras import open_camera
 from inspector.cameras.base import waits
 from inspector.errors import RecordingError
 from inspector.files import write_new
+from inspector.labels import read_recording
 from inspector.learner import add_recordings, learn_recordings, load_appearance
 from inspector.others import Others
 from inspector.pictures import decode
@@ -32,7 +33,7 @@ from inspector.replay import replay as replay_recording
 from inspector.result_json import recognised_record, result_record
 from inspector.scores_json import scores_from_bytes, scores_to_bytes
 from inspector.service import showing
-from inspector.service.archives import read_archive
+from inspector.service.archives import BEGINS, read_archive
 from inspector.service.showing import load_cached
 from inspector.workspaces import learn_labels, load_workspace
 from models.appearance import Appearance
@@ -307,15 +308,24 @@ def check_workspace(progress: Progress, *, workspace: str) -> Json:
 def learn_workspace(
     progress: Progress,
     *,
-    archive: str,
+    pictures: str,
     folder: str,
     periods: Mapping[str, float],
     workspace: str,
     max_bytes: int,
     max_files: int,
 ) -> Json:
-    """An archive of labelled pictures as a workspace: the same. Raises ArchiveRefused, LabelsRefused, LearningError."""
-    labels = read_archive(Path(archive), Path(folder), periods, max_bytes=max_bytes, max_files=max_files)
+    """Labelled pictures, in an archive or a recording, as a workspace: what `check_workspace` tells of it.
+
+    Raises ArchiveRefused, RecordingError, LabelsRefused, LearningError, PictureError.
+    """
+    path = Path(pictures)
+    with path.open("rb") as file:
+        packed = file.read(len(BEGINS)) == BEGINS
+    if packed:
+        labels = read_archive(path, Path(folder), periods, max_bytes=max_bytes, max_files=max_files)
+    else:
+        labels = read_recording(path, periods)
     return _workspace(learn_labels(labels, workspace, progress), workspace)
 
 

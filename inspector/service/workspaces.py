@@ -1,4 +1,4 @@
-"""Workspaces of the service: learnt elsewhere and uploaded, or learnt here from an archive of labelled pictures."""
+"""Workspaces of the service: learnt elsewhere and uploaded, or learnt here from labelled pictures."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ class Workspaces:
         return self._add(draft, name, "upload", found)
 
     def learn(
-        self, progress: Callable[[float], object], archive: Path, name: str | None, periods: Mapping[str, float]
+        self, progress: Callable[[float], object], pictures: Path, name: str | None, periods: Mapping[str, float]
     ) -> Json:
-        """From an archive that was received, as the outcome of a job; the archive is removed.
+        """From an archive or a recording that was received, as the outcome of a job; it is removed.
 
         Raises WorkFailed, NotWritten.
         """
         draft, unpacked = self._folder.incoming(), self._folder.incoming()
         asked: Json = {
-            "archive": str(archive), "folder": str(unpacked), "periods": dict(periods), "workspace": str(draft),
+            "pictures": str(pictures), "folder": str(unpacked), "periods": dict(periods), "workspace": str(draft),
             "max_bytes": self._max_bytes, "max_files": MAX_FILES,
         }  # fmt: skip
         try:
-            with naming({f"{unpacked}/": "", str(archive): "the archive", str(draft): "the workspace"}):
+            with naming({f"{unpacked}/": "", str(pictures): "the upload", str(draft): "the workspace"}):
                 found = self._learning.do("learn_workspace", asked, progress)
             stored = self._add(draft, name, "pictures", found)
         finally:
             shutil.rmtree(unpacked, ignore_errors=True)
             remove(draft)
-            remove(archive)
+            remove(pictures)
         return {"workspace_id": stored.workspace_id}
 
     def _add(self, draft: Path, name: str | None, source: WorkspaceSource, found: Json) -> StoredWorkspace:

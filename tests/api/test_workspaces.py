@@ -30,7 +30,8 @@ from inspector.settings import read_settings
 from inspector.workspaces import learn_labels, located_record
 from models.frame import Frame
 from models.workspace import Workspace
-from tests.api.stations import Stream, begin, feed, frames, learnt, teach
+from tests.api.stations import Stream, begin, feed, frames, learnt, sweep, teach
+from tests.inspector.test_workspaces import recorded
 
 BEYOND = '{"kind": "hand", "place": {"x_px": NaN, "y_px": 0}}'
 JPEG = {"content-type": "image/jpeg"}
@@ -93,7 +94,7 @@ def test_what_is_no_workspace_is_refused(client: TestClient) -> None:
     damaged = client.post("/v1/workspaces", content=bytes(changed))
     assert damaged.status_code == 422
     assert damaged.json()["detail"].startswith("the workspace: the workspace is damaged")
-    assert client.post("/v1/workspaces", content=b"\x89MCAP0\r\n and more").status_code == 415
+    assert client.post("/v1/workspaces", content=b"\x89PNG\r\n and more").status_code == 415
     assert client.post("/v1/workspaces", content=b"").status_code == 415
     assert client.post("/v1/workspaces", content=b"{}", headers={"content-type": "application/json"}).status_code == 415
     assert client.get("/v1/workspaces/sha256:0").status_code == 404
@@ -167,6 +168,16 @@ def test_labelled_pictures_are_learnt_to_what_the_command_line_makes_of_them(
     stored = client.get(f"/v1/workspaces/{offline.id}").json()
     assert stored["parameters"][1] == {"name": "angle_deg", "period": 360}
     assert (stored["source"], stored["name"], stored["pictures"]) == ("pictures", "cups", 10)
+
+
+def test_a_recording_that_tells_its_labels_is_learnt(client: TestClient, tmp_path: Path) -> None:
+    path = recorded(tmp_path / "part.mcap", lambda x: {"object": "part", "q": {"x": x}})
+    told = job(client, client.post("/v1/workspaces", content=path.read_bytes()))
+    assert (told["state"], told["error"]) == ("done", None)
+    offline = learn_labels(read_labels(path), tmp_path / "offline.workspace")
+    assert told["workspace_id"] == offline.id
+    silent = job(client, client.post("/v1/workspaces", content=sweep().read_bytes()))
+    assert (silent["state"], silent["error"].partition(";")[0]) == ("failed", "the upload: nothing on /workspace/q")
 
 
 def test_an_archive_reads_nothing_but_itself(client: TestClient, tmp_path: Path) -> None:
