@@ -31,6 +31,6 @@ class Located:
     distance: float
     """From the closest manifold point, pictures being of length 1: 0 is a picture that was learnt, 1 nothing alike."""
     state: State
-    """`ambiguous`: another place, or object, fits nearly as well. `unknown`: none fits."""
+    """`ambiguous`: another place, or object, fits nearly as well; or any between two samples. `unknown`: none fits."""
     others: tuple[Rival, ...] = ()
     """What else was looked at, the closest first."""

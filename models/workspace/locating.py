@@ -32,8 +32,8 @@ SCANNED = 16
 """Whitened coordinates that are compared with all points; the rest joins in when descending."""
 FARTHER = 4.0
 """Times the closest squared distance so far: an object whose eigenspace alone is as far is not looked at closely."""
-LIKELY = 16.0
-"""A place that is less likely by so many units of squared noise (four standard deviations) is not the truth."""
+SIGMAS = 4.0
+"""Standard deviations by which a place must be less likely than the best one in order not to be told with it."""
 BEYOND = 1.5
 """Times an object's limit that a picture may be away if no other object comes within twice that picture's distance."""
 ALIKE = 1.2
@@ -203,7 +203,7 @@ class Search:
         learnt = resampled.learnt
         for q, promised in resampled.minima(z @ learnt.whiten):
             best = min(found, key=lambda each: each.strays, default=None)
-            if best and promised > best.strays + 2 * LIKELY * self._unit(best):
+            if best and promised > best.strays + 2 * self._slack(best):
                 break
             found.append(_descended(learnt, z, off, q, REACH * learnt.spacing))
             if len(found) == STARTS:
@@ -228,21 +228,29 @@ class Search:
             return Located(None, None, None, distance, "unknown", (first, *others))
         unit = self._unit(best)
         doubt = np.sqrt(np.diag(best.covariance) * unit)
-        likely = [each for each in rivals if self._likely(best, each, unit)]
+        likely = [each for each in rivals if self._likely(best, each)]
         for each in likely:
             if each.learnt is best.learnt:
                 doubt = np.maximum(doubt, np.abs(self._difference(each.q, best.q)))
-        state = "ambiguous" if likely else "known"
+        state = "ambiguous" if likely or (doubt > best.learnt.spacing).any() else "known"
         return Located(best.learnt.name, tuple(best.q.tolist()), tuple(doubt.tolist()), distance, state, others)
 
     def _unit(self, best: Found) -> float:
         """Variance of the whitened noise in this picture, by what is left of it where it fits best."""
         return max(best.strays / max(best.learnt.white.k - len(self.parameters), 1), QUIET)
 
-    def _likely(self, best: Found, rival: Found, unit: float) -> bool:
+    def _slack(self, best: Found) -> float:
+        """By how much more a place of the same object may stray and still be the truth.
+
+        Noise of the picture, and that of the samples: were two places alike but for that, the difference of what is
+        left at each would have a variance of 4 k.
+        """
+        return self._unit(best) * (SIGMAS**2 + SIGMAS * best.learnt.white.k**0.5)
+
+    def _likely(self, best: Found, rival: Found) -> bool:
         """Whether the rival may be the truth, and noise made the best fit better."""
         if rival.learnt is best.learnt:
-            return rival.strays - best.strays < LIKELY * unit
+            return rival.strays - best.strays < self._slack(best)
         return rival.squared < min(rival.learnt.limit**2, ALIKE * best.squared)
 
     def _difference(self, a: Float64[np.ndarray, " m"], b: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, " m"]:

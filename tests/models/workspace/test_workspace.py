@@ -183,3 +183,22 @@ def test_a_file_whose_numbers_cannot_be_is_refused(plates: Workspace, value: flo
     wrong = replace(plates, learnt=(replace(plates.learnt[0], noise=noise), *plates.learnt[1:]))
     with pytest.raises(AppearanceError, match="object part1: its numbers cannot be"):
         Workspace.from_bytes(wrong.to_bytes())
+
+
+def test_samples_that_lie_a_little_off_do_not_tell_apart_what_is_alike() -> None:
+    rng = np.random.default_rng(0)
+    down, across = np.mgrid[-1 : 1 : VIEW[1] * 1j, -1 : 1 : VIEW[0] * 1j]
+
+    def seen(angle_deg: float) -> np.ndarray:
+        """The same from both sides, but for where the part lies and the sensor's noise."""
+        wave = np.sin(2 * (np.arctan2(down, across) - np.radians(angle_deg)))
+        disc = np.where(np.hypot(across, down) < 0.7, 0.6 + 0.1 * wave, 0)
+        moved = np.hstack([np.eye(2), rng.normal(0, 0.5, (2, 1))])
+        drawn = cv2.warpAffine((200 * disc).astype(np.float32), moved, VIEW) + rng.normal(0, 1, VIEW[::-1])
+        return np.clip(drawn, 0, 255).astype(np.uint8)
+
+    learnt = [LabelledPicture("disc", (angle,), seen(angle)) for angle in np.arange(0, 360, 10.0)]
+    workspace = learn_workspace(learnt, [Parameter("angle_deg", 360)])
+    found = [workspace.locate(seen(angle)) for angle in np.arange(5, 360, 30.0)]
+    assert {each.state for each in found} == {"ambiguous"}
+    assert all(each.uncertainty and each.uncertainty[0] > 150 for each in found)
