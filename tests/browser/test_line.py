@@ -12,6 +12,7 @@ from inspector.cameras import open_camera
 from inspector.cameras.simulated import SimulatedCamera
 from inspector.client import Client
 from inspector.demo import CLOSE
+from models.frame import Frame
 from tests.api.stations import BAD, GOOD, LINE, PRODUCT, frames
 from tests.browser.conftest import Seen, Station
 from tests.system.serving import serve
@@ -136,6 +137,16 @@ def test_several_at_once_have_a_lane_each_and_keep_it(seen: Seen, station: Stati
         assert after == [each for each in before if each != running[1].inspection_id]
         for inspection in (running[0], running[2], running[3]):
             inspection.abort("enough")
+
+
+def test_a_part_that_lies_upside_down_is_invalid_while_it_is_there(seen: Seen, station: Station) -> None:
+    page = seen.open(wait="#station[data-state=ready]")
+    with station.client() as client, client.begin(PRODUCT, "0049", transport="rest") as inspection:
+        lane = f'.lane.is-running[data-inspection="{inspection.inspection_id}"]'
+        for number, frame in enumerate(reversed(frames(GOOD)[-8:])):
+            inspection.send(Frame(frame.pixels[::-1, ::-1], 40_000_000 * number, number))
+        page.wait_for_selector(f"{lane}[data-verdict=INVALID] .because >> text=upside down, turned by 180 degrees")
+        seen.both("line-upside-down")
 
 
 def test_who_comes_while_nothing_moves_sees_the_last_picture(seen: Seen, station: Station) -> None:
