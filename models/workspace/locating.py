@@ -16,7 +16,7 @@ from models.workspace.grid import Parameter
 from models.workspace.learnt import LearntObject, inverse
 from models.workspace.located import Located, Rival
 
-POINTS = 16_000
+POINTS = 17_500
 """Resampled points of all objects, about."""
 DENSEST = 4
 """Resampled points per sample and parameter at most."""
