@@ -44,6 +44,10 @@ class _Line:
         finally:
             self._asked.pop(number, None)
 
+    def prepare(self, facts: Head) -> None:
+        """Have a workspace ready; one that cannot be read is told to who asks for it."""
+        self.scorer.ask(self, {"do": "prepare", "id": self.name, "sequence": next(self._numbers), **facts})
+
     def heard(self, head: Head, body: bytes) -> None:
         """See Listener."""
         future = self._asked.get(head["sequence"])
@@ -167,15 +171,21 @@ class Locating:
         self._trails: dict[str, Trail] = {}
         self._stopping = False
 
+    async def start(self) -> None:
+        """The newest workspace is loaded before parts come: the first one holds a scorer up for half a second."""
+        newest = await asyncio.to_thread(self._store.workspaces, None, 1)
+        for workspace in newest.items:
+            for line in self._lines.values():
+                line.prepare(self._facts(workspace.workspace_id))
+
     async def locate(self, workspace_id: str, picture: bytes) -> bytes:
         """What is said of a picture, as JSON.
 
         Raises NoSuchWorkspace, Busy, PictureRefused, LocatorLost, AppearanceError, Stopping.
         """
         await asyncio.to_thread(self._store.workspace, workspace_id)
-        facts = {"workspace_id": workspace_id, "path": str(self._folder.workspace(workspace_id))}
-        scorers = self._alive()
-        return await self._lines[min(scorers, key=lambda each: (each.waiting, each.number))].locate(facts, picture)
+        line = self._lines[min(self._alive(), key=lambda each: (each.waiting, each.number))]
+        return await line.locate(self._facts(workspace_id), picture)
 
     async def track(self, workspace_id: str) -> Trail:
         """A part to be tracked, until `forget`; its workspace is loaded.
@@ -211,6 +221,9 @@ class Locating:
         self._stopping = True
         for trail in self._trails.values():
             trail.end("the service is being stopped")
+
+    def _facts(self, workspace_id: str) -> Head:
+        return {"workspace_id": workspace_id, "path": str(self._folder.workspace(workspace_id))}
 
     def _alive(self) -> list[Scorer]:
         if self._stopping:

@@ -121,6 +121,7 @@ class Service:
         self.locating = Locating(store, folder, self.inspections.pool, most=settings.max_inspections)
         self.inspections.beside = self.locating.loads
         await self.inspections.start()
+        await self.locating.start()
         self._housekeeper = asyncio.create_task(self._keep_house())
 
     def _recover(self) -> None:

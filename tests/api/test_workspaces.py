@@ -358,3 +358,16 @@ def test_when_the_service_stops_connections_are_closed_and_nothing_new_is_taken(
             assert socket.receive()["code"] == 1012
         located = client.post(f"/v1/workspaces/{name}/locate", content=jpeg(seen(0, 0)), headers=JPEG)
         assert (located.status_code, located.json()["type"]) == (503, "urn:inspector:stopping")
+
+
+def test_a_service_begins_with_workspaces_that_it_has_and_with_one_that_is_damaged(tmp_path: Path) -> None:
+    settings = read_settings(data=tmp_path / "data", scorers=1)
+    with TestClient(create_app(settings), base_url="http://127.0.0.1") as client:
+        name = client.post("/v1/workspaces", content=workspace().to_bytes()).json()["workspace_id"]
+    path = tmp_path / "data" / "workspaces" / f"{name.removeprefix('sha256:')}.workspace"
+    for kept, status in ((path.read_bytes(), 200), (b"nothing", 500)):
+        path.write_bytes(kept)
+        with TestClient(create_app(settings), base_url="http://127.0.0.1") as client:
+            located = client.post(f"/v1/workspaces/{name}/locate", content=jpeg(seen(0, 0)), headers=JPEG)
+            assert located.status_code == status
+            assert client.get("/readyz").status_code == 200
