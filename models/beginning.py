@@ -42,7 +42,7 @@ class Beginning:
     agreed: tuple[bool, ...] = ()
     """Whether each of the last ones that counted did."""
     kept: tuple[Frame, ...] = ()
-    """Some of them, evenly; none any more where all is well."""
+    """Some of them, evenly; none any more where all was well."""
     counted: int = 0
     confirmed: bool = False
     last: Float[np.ndarray, "h w"] | None = None
@@ -58,6 +58,11 @@ class Beginning:
         """Whether what was shown so far is not the part as it was learnt."""
         return not self.confirmed and len(self.agreed) == self.needed
 
+    @property
+    def doubted(self) -> bool:
+        """Whether it has failed, even if the sweep came to the part later: on stretches that parts share, others do."""
+        return self.failed or (self.confirmed and bool(self.kept))
+
     def with_frame(self, appearance: Appearance, frame: Frame, shown: Look | None) -> Beginning:
         """One frame more; `shown` is what it showed, None where that was nothing."""
         if self.confirmed or shown is None:
@@ -71,7 +76,7 @@ class Beginning:
                 return self
         agreed = (*self.agreed, fits)[-self.needed :]
         if sum(agreed) >= ceil(self.needed * 2 / 3):
-            return Beginning(self.needed, confirmed=True)
+            return Beginning(self.needed, kept=self.kept if self.failed else (), confirmed=True)
         keep = not self.failed and self.counted % _every(self.needed) == 0
         kept = (*self.kept, frame) if keep else self.kept
         return replace(self, agreed=agreed, kept=kept, counted=self.counted + 1, last=last)

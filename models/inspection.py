@@ -145,7 +145,7 @@ def conclude(inspection: Inspection, stopped: bool = False, others: Sequence[Oth
         digest=digest(inspection),
         stopped=stopped,
     )
-    if others is None or not beginning.failed or result.verdict is not Judgement.INVALID:
+    if others is None or not beginning.doubted or result.verdict is not Judgement.INVALID:
         return result
     recognised = recognise(appearance, [frame.pixels for frame in beginning.kept], others)
     if recognised is None:

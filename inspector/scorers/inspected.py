@@ -119,7 +119,7 @@ class Inspected:
         if aborted is not None:
             record |= {"result_state": "aborted", "is_partial": True}
         frames = json.dumps(frame_records(result.frames), allow_nan=False).encode()
-        doubted = self._state.beginning.failed and result.verdict is Judgement.INVALID and aborted is None
+        doubted = self._state.beginning.doubted and result.verdict is Judgement.INVALID and aborted is None
         return Concluded(record, frames, scores_to_bytes(result.frames), doubted)
 
     def _news(self, scored: ScoredFrame) -> list[Said]:

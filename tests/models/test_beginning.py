@@ -139,6 +139,16 @@ def test_a_part_that_comes_after_something_else_is_inspected_all_the_same():
     assert all(each.state is FrameState.SCORED for each in state.frames[15:])
 
 
+def test_another_part_keeps_its_name_where_a_stretch_of_it_is_as_learnt():
+    frames = [*swept(surface(2), view=SEEN)[:30], *swept(surface(), view=SEEN)[30:45]]
+    state = after(frame(each.pixels, i) for i, each in enumerate(frames))
+    told = conclude(state, others=[other(2)])
+    assert state.beginning.confirmed
+    assert told.verdict is Judgement.INVALID
+    assert told.recognised is not None
+    assert told.recognised.part == "part2"
+
+
 def test_a_part_with_defects_from_its_beginning_on_is_no_other_part():
     spoilt = surface()
     for x, y in ((70, 100), (120, 130), (150, 70)):
