@@ -102,7 +102,7 @@ class Station:
 
 @pytest.fixture(scope="module")
 def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
-    """One for the tests of a module, which see what those before them left."""
+    """One for the tests of a module, which see what those before them left (xdist keeps them together)."""
     station = Station(taught(tmp_path_factory.mktemp("station") / "data"))
     yield station
     station.close()
