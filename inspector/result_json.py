@@ -137,7 +137,8 @@ def _recognised_of(record: Mapping[str, Any] | None) -> Recognised | None:
     if record is None:
         return None
     known = _known(Recognised, record)
-    return Recognised(**known | {"off": known["off"] and tuple(known["off"])})
+    known["off"] = known["off"] and tuple(known["off"])
+    return Recognised(**known)
 
 
 def _known(kind: type[Deviation | Recognised | Region], record: Mapping[str, Any]) -> dict[str, Any]:
