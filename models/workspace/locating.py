@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Bool, Float32, Float64, Int
 
 from models.eigenspace import Eigenspace
 from models.errors import NumericError
@@ -86,6 +86,18 @@ class Resampled:
         y = np.ascontiguousarray(self.learnt.white.at(self.q)[:, :SCANNED], np.float32)
         return y, np.einsum("ij,ij->i", y, y) / 2
 
+    @cached_property
+    def _neighbours(self) -> list[tuple[int, Bool[np.ndarray, " a"], Int[np.ndarray, " b"], Int[np.ndarray, " b"]]]:
+        """Of each axis: how far neighbours lie apart in memory, whether a point has one so far before it, and the first
+        and last points of its lines where it has a period."""
+        found: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
+        for axis, period in enumerate(self.learnt.manifold.periods):
+            count, apart = self.counts[axis], int(np.prod(self.counts[axis + 1 :]))
+            at = np.arange(len(self.q)) // apart % count
+            first = np.flatnonzero(at == 0) if period is not None else np.empty(0, np.int64)
+            found.append((apart, at[apart:] != 0, first, first + (count - 1) * apart))
+        return found
+
     def minima(self, y: Float64[np.ndarray, " k"]) -> list[tuple[Float64[np.ndarray, " m"], float]]:
         """Where to begin to descend: q, and about how far from y it leads, squared; the closest first.
 
@@ -95,16 +107,15 @@ class Resampled:
         points, halves = self._points
         away = halves - points @ y[:SCANNED].astype(np.float32)
         grid = away.reshape(self.counts)
-        least = np.ones(self.counts, np.bool_)
-        for axis, period in enumerate(self.learnt.manifold.periods):
-            lines, low = np.moveaxis(grid, axis, 0), np.moveaxis(least, axis, 0)
-            rising = lines[1:] >= lines[:-1]
-            low[:-1] &= rising
-            low[1:] &= ~rising
-            if period is not None:
-                seam = lines[0] >= lines[-1]
-                low[-1] &= seam
-                low[0] &= ~seam
+        least = np.ones(away.size, np.bool_)
+        for apart, within, first, last in self._neighbours:
+            # In memory order: a tenth of the cost of going along each axis. What is beside but no neighbour is left out.
+            rising = away[apart:] >= away[:-apart]
+            least[:-apart] &= rising | ~within
+            least[apart:] &= ~(rising & within)
+            seam = away[first] >= away[last]
+            least[last] &= seam
+            least[first] &= ~seam
         found = np.flatnonzero(least)
         found = found[np.argsort(away[found], kind="stable")[:LOOKED_AT]]
         square = float(y[:SCANNED] @ y[:SCANNED])
