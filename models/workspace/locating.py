@@ -109,7 +109,7 @@ class Resampled:
         grid = away.reshape(self.counts)
         least = np.ones(away.size, np.bool_)
         for apart, within, first, last in self._neighbours:
-            # In memory order: a tenth of the cost of going along each axis. What is beside but no neighbour is left out.
+            # In memory order: a tenth of the cost of going along each axis. What is beside but not near is left out.
             rising = away[apart:] >= away[:-apart]
             least[:-apart] &= rising | ~within
             least[apart:] &= ~(rising & within)
