@@ -15,7 +15,8 @@ for library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 # Other examples are searched for by hand, with `pytest --hypothesis-profile=default`: not on somebody else's change.
-settings.register_profile("same", derandomize=True)
+# No deadline: how long a test takes is the machine's.
+settings.register_profile("same", derandomize=True, deadline=None)
 settings.load_profile("same")
 
 
