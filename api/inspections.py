@@ -164,11 +164,22 @@ class Scores(BaseModel):
 
 
 @router.post("", status_code=201, response_model=Begun, responses=problems(404, 409, 503))
-async def begin(request: Request, asked: Begin, service: ServiceDep, who: Operator) -> Response:
-    """Open an inspection of a part. 503 with `Retry-After` where one more could not be scored in time."""
+async def begin(
+    *,
+    request: Request,
+    asked: Begin,
+    service: ServiceDep,
+    who: Operator,
+    x_session_id: Annotated[str | None, Header(pattern="^[0-9a-f]{32}$", description="The id it is to have.")] = None,
+) -> Response:
+    """Open an inspection of a part. 503 with `Retry-After` where one more could not be scored in time.
+
+    `X-Session-Id` chooses its id, 32 hexadecimal digits that nothing has: by it, proxies find the process that has the
+    inspection. One that has that id already, is of the same part and runs is answered as if it had just begun.
+    """
 
     async def do() -> tuple[int, BaseModel]:
-        begun = await service.inspections.begin(asked.product_id, asked.part_id, asked.recipe_id)
+        begun = await service.inspections.begin(asked.product_id, asked.part_id, asked.recipe_id, x_session_id)
         names = ("inspection_id", "product_id", "part_id", "recipe_id", "appearance_id")
         return 201, Begun(**{name: getattr(begun, name) for name in names}, credits=service.settings.window)
 

@@ -6,6 +6,7 @@ import json
 import ssl
 import time
 from collections.abc import Callable, Mapping
+from copy import copy
 from typing import Any, cast
 from urllib.parse import urlsplit
 from uuid import uuid4
@@ -68,9 +69,13 @@ class Asker:
         self.tls = ssl.create_default_context() if self.url.startswith("https:") else None
         self._patience = patience
         self._reached = False
-        self._http = httpx2.Client(
-            headers=self.headers, timeout=timeout, verify=self.tls or False, trust_env=False, follow_redirects=False
-        )
+        self._http = httpx2.Client(timeout=timeout, verify=self.tls or False, trust_env=False, follow_redirects=False)
+
+    def of_session(self, session_id: str) -> Asker:
+        """The same, over the same connections, for one inspection: every request says which."""
+        asker = copy(self)
+        asker.headers = self.headers | {"X-Session-Id": session_id}
+        return asker
 
     def patience(self) -> Patience:
         """A new one."""
@@ -128,7 +133,8 @@ class Asker:
 
     def _try(self, method: str, path: str, **request: Any) -> httpx2.Response:
         try:
-            response = self._http.request(method, f"{self.url}{path}", **request)
+            headers = self.headers | request.pop("headers", {})
+            response = self._http.request(method, f"{self.url}{path}", headers=headers, **request)
         except httpx2.HTTPError as error:
             raise ServiceUnreachable(self.url, str(error) or type(error).__name__) from error
         self._reached = True

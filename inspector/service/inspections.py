@@ -22,7 +22,7 @@ from inspector.service.load import Ration, Turns
 from inspector.service.metrics import Metrics
 from inspector.service.recognising import Recognising
 from inspector.service.running import Around, Bounds, Ended, Running
-from inspector.stores.base import AbstractStore, AlreadyConcluded
+from inspector.stores.base import AbstractStore, AlreadyConcluded, IdTaken, NoSuchInspection
 from inspector.stores.records import Json, Recipe, StoredInspection
 from models.verdict import Policy
 
@@ -133,19 +133,26 @@ class Inspections:
         for scorer in self.pool.scorers:
             self._metrics.waiting.labels(str(scorer.number)).set(scorer.waiting)
 
-    async def begin(self, product_id: str, part_id: str, recipe_id: str | None = None) -> StoredInspection:
-        """A new inspection, ready for frames.
+    async def begin(
+        self, product_id: str, part_id: str, recipe_id: str | None = None, inspection_id: str | None = None
+    ) -> StoredInspection:
+        """A new inspection, ready for frames; the one that has that id already, where it is of the same part and runs.
 
-        Raises Stopping, AtCapacity, NoRecipe, NoSuchProduct, NoSuchRecipe, ScorerLost.
+        Raises Stopping, AtCapacity, NoRecipe, NoSuchProduct, NoSuchRecipe, IdTaken, ScorerLost.
         """
         if self.stopping:
             raise Stopping
+        if inspection_id is not None and (begun := await self._begun(inspection_id)) is not None:
+            if (begun.product_id, begun.part_id) != (product_id, part_id):
+                raise IdTaken("inspection", inspection_id)
+            await self.open(inspection_id)
+            return begun
         if (why := self._no_capacity()) is not None:
             self._metrics.refused.inc()
             raise AtCapacity(why)
         self._beginning += 1
         try:
-            return await self._begin(product_id, part_id, recipe_id)
+            return await self._begin(product_id, part_id, recipe_id, inspection_id or new_id())
         finally:
             self._beginning -= 1
 
@@ -174,12 +181,18 @@ class Inspections:
         stored = await in_thread(self._store.inspection, inspection_id)
         raise AlreadyConcluded(inspection_id, stored.state)
 
-    async def _begin(self, product_id: str, part_id: str, recipe_id: str | None) -> StoredInspection:
+    async def _begun(self, inspection_id: str) -> StoredInspection | None:
+        with suppress(NoSuchInspection):
+            return await in_thread(self._store.inspection, inspection_id)
+        return None
+
+    async def _begin(
+        self, product_id: str, part_id: str, recipe_id: str | None, inspection_id: str
+    ) -> StoredInspection:
         recipe = await in_thread(self._recipe, product_id, recipe_id)
         policy = Policy(**recipe.policy)
         if self.pool.least() is None:
             raise AtCapacity("the processes that score are being started")
-        inspection_id = new_id()
         begin = partial(
             self._store.begin_inspection, part_id=part_id, recipe_id=recipe.recipe_id, policy=asdict(policy)
         )

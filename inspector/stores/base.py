@@ -159,7 +159,7 @@ class IdTaken(StoreConflict):
     """An id that something has already."""
 
     def __init__(self, thing: str, id: str) -> None:
-        super().__init__(f"there is a {thing} {id!r} already")
+        super().__init__(f"{thing} {id!r} is there already")
 
 
 class JobEnded(StoreConflict):

@@ -56,6 +56,21 @@ def wrong(answer: Any, status: int, said: str) -> dict[str, Any]:
     return problem
 
 
+def test_an_id_may_be_chosen_and_asked_for_again(client: TestClient):
+    chosen, asked = {"X-Session-Id": "5e" * 16}, {"product_id": PRODUCT, "part_id": "chosen"}
+    first = client.post("/v1/inspections", json=asked, headers=chosen)
+    assert (first.status_code, first.json()["inspection_id"]) == (201, "5e" * 16)
+    assert post(client, "5e" * 16, frames()[0]).status_code == 200
+    again = client.post("/v1/inspections", json=asked, headers=chosen)
+    assert again.json() == first.json()
+    assert client.get(f"/v1/inspections/{'5e' * 16}").json()["frames_scored"] == 1
+    wrong(client.post("/v1/inspections", json=asked | {"part_id": "x"}, headers=chosen), 409, "is there already")
+    client.post(f"/v1/inspections/{'5e' * 16}/abort")
+    wrong(client.post("/v1/inspections", json=asked, headers=chosen), 409, "is aborted already")
+    for bad in ("5e", "../" * 11, "5E" * 16):
+        wrong(client.post("/v1/inspections", json=asked, headers={"X-Session-Id": bad}), 422, "x-session-id")
+
+
 def test_from_begin_to_acknowledge(client: TestClient):
     inspection = begin(client)
     first = post(client, inspection, frames()[0]).json()

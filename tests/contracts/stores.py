@@ -150,7 +150,7 @@ class StoreContract(ABC):
         assert store.product("plate").created_ns == NOW
         assert store.sweep("s1") == SWEEP
         assert store.sweeps("plate") == Page((SWEEP,), None)
-        with pytest.raises(IdTaken, match="there is a sweep 's1' already"):
+        with pytest.raises(IdTaken, match="sweep 's1' is there already"):
             store.add_sweep(SWEEP)
 
     def test_an_appearance_may_be_learnt_again_and_stays_as_it_was_first(self, store: AbstractStore) -> None:
