@@ -1,0 +1,89 @@
+"""docker/haproxy.cfg by Debian's HAProxy, before services of one name and port, with an address of loopback each."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.system.names import Names, names
+from tests.system.repository import ROOT
+
+CONFIGURATION = ROOT / "docker/haproxy.cfg"
+NEEDED = "INSPECTOR_TESTS_NEED_HAPROXY"
+"""Set where tests without HAProxy would prove too little: what would be skipped fails."""
+MOST = 8
+"""Services; each has an address."""
+PATIENCE = 30.0
+
+
+@dataclass(frozen=True)
+class Proxy:
+    """A proxy that runs, and what it asks for the addresses of services."""
+
+    url: str
+    names: Names
+    port: int
+    """That every service listens at."""
+    log: Path
+
+    def address(self, number: int) -> str:
+        """Where that service is to listen; nobody is told of it."""
+        return f"127.0.0.{101 + number}"
+
+
+def program() -> str:
+    """HAProxy; skips the test where there is none."""
+    found = shutil.which("haproxy", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
+    if found is None:
+        why = "there is no HAProxy; Debian and Ubuntu have it as `haproxy`"
+        pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)
+    return found
+
+
+@contextmanager
+def proxy(folder: Path, **more: str) -> Iterator[Proxy]:
+    """HAProxy as the compose file runs it; ended in the end."""
+    haproxy, port = program(), _free_everywhere()
+    with ExitStack() as held:
+        known = held.enter_context(names())
+        listen = _free_everywhere()
+        environment = {
+            **os.environ,
+            "NODES": f"inspector:{port}",
+            "DNS": f"127.0.0.1:{known.port}",
+            "LISTEN": f"127.0.0.1:{listen}",
+        }
+        log = folder / "haproxy.log"
+        out = held.enter_context(log.open("ab"))
+        process = subprocess.Popen(
+            [haproxy, "-db", "-f", CONFIGURATION], env=environment | more, stdout=out, stderr=out
+        )
+        held.callback(process.wait, PATIENCE)
+        held.callback(process.terminate)
+        deadline = time.monotonic() + PATIENCE
+        while not _listens(listen):
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < deadline, log.read_text()
+            time.sleep(0.02)
+        yield Proxy(f"http://127.0.0.1:{listen}", known, port, log)
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as tried:
+        return tried.connect_ex(("127.0.0.1", port)) == 0
+
+
+def _free_everywhere() -> int:
+    """A port that nobody listens at on any address."""
+    with socket.socket() as free:
+        free.bind(("0.0.0.0", 0))
+        return int(free.getsockname()[1])
