@@ -126,7 +126,8 @@ class Service:
 
     def _recover(self) -> None:
         """In a thread: what a crash left behind."""
-        self.store.reserve()
+        if self.store.shared:
+            return
         self.store.release_pending_claims()
         for job_id in self.store.fail_running_jobs(self.now_ns(), KILLED):
             log.warning("job", job_id=job_id, state="failed", error=KILLED)

@@ -3,8 +3,7 @@
 inspector.errors.StoreError
 ├── UnknownStore             a url whose scheme no store has
 ├── StoreNotOpened           a database that is not there, does not answer, or is none of ours
-│   ├── NewerStore           a database that a newer program has written
-│   └── StoreInUse           a database that another service works on
+│   └── NewerStore           a database that a newer program has written
 ├── StoreFailed              a database that failed while it was used: disk full, server gone
 ├── NoSuch                   an id that nothing has
 │   ├── NoSuchProduct
@@ -14,25 +13,30 @@ inspector.errors.StoreError
 │   ├── NoSuchJob
 │   ├── NoSuchRecipe
 │   ├── NoSuchInspection
-│   └── NoSuchToken
+│   ├── NoSuchToken
+│   └── NoSuchNode
 └── StoreConflict            what is asked does not go with what is there
     ├── IdTaken              an id that something has already
     ├── JobEnded             a job that has ended is changed
     ├── NotEnded             an inspection is acknowledged, or disposed of, that has not ended
     ├── NothingToDecide      a disposition that does not go with the verdict
-    └── AlreadyConcluded     an inspection is concluded that has ended
+    ├── AlreadyConcluded     an inspection is concluded that has ended
+    └── NotOwner             an inspection is written to by a service that does not have it
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import ClassVar, Self
 
 from inspector.errors import StoreError
 from inspector.stores.records import (
     AuditEntry,
+    Buried,
+    Checkpoint,
     Claim,
     Decision,
     Disposition,
@@ -43,6 +47,7 @@ from inspector.stores.records import (
     JobKind,
     JobState,
     Json,
+    Node,
     Page,
     Product,
     Recipe,
@@ -78,13 +83,6 @@ class NewerStore(StoreNotOpened):
         super().__init__(
             place, f"a newer program has written it (revision {found}, known is {known}); use that program"
         )
-
-
-class StoreInUse(StoreNotOpened):
-    """A database that another service works on."""
-
-    def __init__(self, place: str) -> None:
-        super().__init__(place, "another service works on it; stop it, or name another database")
 
 
 class StoreFailed(StoreError):
@@ -151,6 +149,12 @@ class NoSuchToken(NoSuch):
     thing = "token"
 
 
+class NoSuchNode(NoSuch):
+    """A service that the store does not know, or took for gone."""
+
+    thing = "service"
+
+
 class StoreConflict(StoreError):
     """What is asked does not go with what is there."""
 
@@ -191,6 +195,14 @@ class AlreadyConcluded(StoreConflict):
         super().__init__(f"inspection {inspection_id!r} is {state} already")
 
 
+class NotOwner(StoreConflict):
+    """An inspection is written to by a service that does not have it."""
+
+    def __init__(self, inspection_id: str, node: str | None) -> None:
+        has = f"service {node!r} has it" if node else "no service has it"
+        super().__init__(f"inspection {inspection_id!r} is not of this service any more: {has}")
+
+
 class AbstractStore(ABC):
     """Everything that the service remembers. A context manager: leaving it closes it.
 
@@ -198,6 +210,11 @@ class AbstractStore(ABC):
     kill. Calls block, and may come from many threads. Lists are newest first; `after` is the `next` of the page before,
     `limit` the most that a page may hold. Every method raises StoreFailed where the database fails.
     """
+
+    @property
+    @abstractmethod
+    def shared(self) -> bool:
+        """Whether several services may work on it at once."""
 
     @classmethod
     @abstractmethod
@@ -259,8 +276,13 @@ class AbstractStore(ABC):
     # Jobs.
 
     @abstractmethod
-    def add_job(self, job_id: str, kind: JobKind, product_id: str | None, request: Json, t_ns: int) -> Job:
-        """A running job; its product, where it is of one, comes into being with it. Raises IdTaken."""
+    def add_job(
+        self, job_id: str, kind: JobKind, product_id: str | None, request: Json, t_ns: int, *, node: str | None = None
+    ) -> Job:
+        """A running job; its product, where it is of one, comes into being with it. Raises IdTaken.
+
+        `node` is the service that does it.
+        """
 
     @abstractmethod
     def update_job(
@@ -349,8 +371,12 @@ class AbstractStore(ABC):
         source: InspectionSource = "live",
         is_simulated: bool = False,
         recording: RecordingState = "being written",
+        node: str | None = None,
     ) -> StoredInspection:
-        """An inspection in processing. Raises IdTaken, NoSuchProduct, NoSuchRecipe, NoSuchAppearance."""
+        """An inspection in processing, which that service has.
+
+        Raises IdTaken, NoSuchProduct, NoSuchRecipe, NoSuchAppearance.
+        """
 
     @abstractmethod
     def conclude_inspection(
@@ -363,8 +389,37 @@ class AbstractStore(ABC):
         result: Json | None,
         scores: bytes | None,
         reason: str | None = None,
+        node: str | None = None,
     ) -> StoredInspection:
-        """The inspection, ended; its scores are kept as they are. Raises NoSuchInspection, AlreadyConcluded."""
+        """The inspection, ended; its scores are kept as they are, its checkpoints go.
+
+        Raises NoSuchInspection, AlreadyConcluded, and NotOwner unless `node` has it; None where no service has it.
+        """
+
+    # Inspections that go from one service to another.
+
+    @abstractmethod
+    def take_inspection(self, inspection_id: str, node: str) -> tuple[StoredInspection, Checkpoint | None]:
+        """The service has it now, whoever had it before, and goes on from there; None: from the beginning.
+
+        What the one before writes after this fails. Raises NoSuchInspection, AlreadyConcluded.
+        """
+
+    @abstractmethod
+    def release_inspection(self, inspection_id: str, node: str, t_ns: int) -> StoredInspection:
+        """No service has it from now on. Raises NoSuchInspection, AlreadyConcluded, NotOwner."""
+
+    @abstractmethod
+    def save_checkpoint(self, inspection_id: str, node: str, number: int, state: bytes, added: bytes) -> None:
+        """`state` instead of the one before; `added` as part `number`, counted from 0, beside those before.
+
+        The same number once more, as after a failure that left it open whether it was done, replaces that part.
+        Raises NoSuchInspection, AlreadyConcluded, NotOwner.
+        """
+
+    @abstractmethod
+    def ownerless(self) -> tuple[StoredInspection, ...]:
+        """Those in processing that no service has, the oldest first."""
 
     @abstractmethod
     def acknowledge_inspection(self, inspection_id: str, t_ns: int) -> StoredInspection:
@@ -454,8 +509,11 @@ class AbstractStore(ABC):
     # Requests that may come twice.
 
     @abstractmethod
-    def claim(self, scope: str, key: str, fingerprint: str, t_ns: int) -> Claim:
-        """Of many that claim a key at once, one gets `new`: it does the work, then settles or releases."""
+    def claim(self, scope: str, key: str, fingerprint: str, t_ns: int, *, node: str | None = None) -> Claim:
+        """Of many that claim a key at once, one gets `new`: it does the work, then settles or releases.
+
+        `node` is the service that it asks.
+        """
 
     @abstractmethod
     def settle(self, scope: str, key: str, status: int, body: bytes) -> None:
@@ -473,18 +531,52 @@ class AbstractStore(ABC):
     def forget_claims(self, before_ns: int) -> int:
         """How many settled claims, made before that time, were forgotten."""
 
-    # The store itself.
+    # Services that share the store.
 
     @abstractmethod
-    def reserve(self) -> None:
-        """For one service at a time, until it is closed or killed: it ends what others left running when it starts.
+    def join(self, node_id: str, name: str, t_ns: int) -> None:
+        """A service works on the store from now on. One that was taken for gone may join again."""
 
-        Does nothing on SQLite, where the service locks its data folder. Raises StoreInUse.
+    @abstractmethod
+    def beat(self, node_id: str, facts: Json | None = None) -> None:
+        """It lives, and says this of itself; None: what it said before. Raises NoSuchNode: it was taken for gone."""
+
+    @abstractmethod
+    def leave(self, node_id: str) -> None:
+        """It works on it no more. A second call does nothing."""
+
+    @abstractmethod
+    def nodes(self) -> tuple[Node, ...]:
+        """Those that joined and neither left nor were buried; the oldest first."""
+
+    @abstractmethod
+    def bury(self, silent_seconds: float, why: str) -> Buried:
+        """Services that were silent for longer are gone, and nobody does any more what they did, or what nobody did.
+
+        Their jobs fail and say why, their claims are released, their inspections are of no service. Of many that call
+        at once, each is told only what it has buried itself.
         """
 
     @abstractmethod
+    def tell(self, body: bytes, to: Collection[str] | None = None) -> None:
+        """To all services that listen, this one too, or to those named; kept for nobody. On a shared store only."""
+
+    @abstractmethod
+    def listen(self, node_id: str, heard: Callable[[bytes | None], object]) -> AbstractContextManager[None]:
+        """Hear what is told to all and to this one, in a thread, until the context is left.
+
+        None: something may have been missed, since the database was away. On a store that is not shared, nothing.
+        """
+
+    @abstractmethod
+    def only_one(self, name: str) -> AbstractContextManager[bool]:
+        """False where somebody is in a context of that name already, in whatever service."""
+
+    # The store itself.
+
+    @abstractmethod
     def ping(self) -> None:
-        """Return where the database answers, and is still reserved, where it was. Raises StoreFailed, StoreInUse."""
+        """Return where the database answers. Raises StoreFailed."""
 
     @abstractmethod
     def close(self) -> None:

@@ -152,6 +152,48 @@ class StoredInspection:
     """Why there is no recording any more, or what it lacks."""
     disposition: Json | None = None
     """What a person said of it last: `decision`, `verdict`, `comment`, `actor`, `t_ns`."""
+    node: str | None = None
+    """The service that has it, or had it last, where it has ended; in processing and None: no service has it."""
+    left_ns: int | None = None
+    """Since when no service has it."""
+    takes: int = 0
+    """How often a service took it over."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """How far an inspection is, for the service that takes it over."""
+
+    state: bytes
+    """As handed in last."""
+    added: tuple[bytes, ...]
+    """All that was handed in, in its order."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """A service that works on the store."""
+
+    node_id: str
+    """New at every start."""
+    name: str
+    """What people call it."""
+    started_ns: int
+    silent_seconds: float
+    """Since it said that it lives, by the clock of the database."""
+    facts: Json
+    """What it said of itself."""
+
+
+@dataclass(frozen=True)
+class Buried:
+    """What was found of services that are gone."""
+
+    nodes: tuple[Node, ...]
+    job_ids: tuple[str, ...]
+    """They have failed."""
+    inspection_ids: tuple[str, ...]
+    """No service has them now."""
 
 
 @dataclass(frozen=True)

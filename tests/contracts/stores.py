@@ -8,12 +8,15 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
+from unittest.mock import ANY
 
 import pytest
 from alembic.autogenerate import compare_metadata
@@ -31,6 +34,7 @@ from inspector.stores.base import (
     NoSuchAppearance,
     NoSuchInspection,
     NoSuchJob,
+    NoSuchNode,
     NoSuchProduct,
     NoSuchRecipe,
     NoSuchSweep,
@@ -38,10 +42,13 @@ from inspector.stores.base import (
     NoSuchWorkspace,
     NotEnded,
     NothingToDecide,
+    NotOwner,
     StoreFailed,
     StoreNotOpened,
 )
 from inspector.stores.records import (
+    Buried,
+    Checkpoint,
     Claim,
     Page,
     Product,
@@ -76,6 +83,12 @@ def behind(store: AbstractStore, *statements: str) -> None:
     with engine(store).begin() as connection:
         for statement in statements:
             connection.execute(text(statement))
+
+
+def counted(store: AbstractStore, table: str) -> int:
+    """The rows of a table."""
+    with engine(store).connect() as connection:
+        return connection.execute(text(f"SELECT count(*) FROM {table}")).scalar_one()
 
 
 def learnt(store: AbstractStore, product_id: str = "plate") -> None:
@@ -537,6 +550,145 @@ class StoreContract(ABC):
         assert store.claim("begin", "b", "", NOW).state == "new"
         assert store.forget_claims(NOW + 100) == 0
 
+    # Services that share the store.
+
+    def test_services_join_say_that_they_live_and_leave(self, store: AbstractStore) -> None:
+        assert store.nodes() == ()
+        store.join("n1", "left", NOW)
+        store.join("n2", "right", NOW + 1)
+        one, two = store.nodes()
+        assert (one.node_id, one.name, one.started_ns, one.facts, two.node_id) == ("n1", "left", NOW, {}, "n2")
+        assert 0 <= one.silent_seconds < 60
+        behind(store, "UPDATE nodes SET beaten_ns = beaten_ns - 3600000000000")
+        store.beat("n1", {"running": 3})
+        store.beat("n1")
+        one, two = store.nodes()
+        assert (one.facts, two.facts) == ({"running": 3}, {})
+        assert one.silent_seconds < 60
+        assert 3600 <= two.silent_seconds < 3660
+        for _ in range(2):
+            store.leave("n1")
+        assert [node.node_id for node in store.nodes()] == ["n2"]
+        with pytest.raises(NoSuchNode, match="there is no service 'n1'"):
+            store.beat("n1")
+        store.join("n2", "right", NOW + 2)
+        assert store.nodes()[0].silent_seconds < 60
+
+    def test_what_silent_services_had_is_free_again_and_told_once(self, store: AbstractStore) -> None:
+        learnt(store)
+        for node in ("lives", "dead"):
+            store.join(node, node, NOW)
+            begin(store, f"i-{node}", node=node)
+            store.add_job(f"j-{node}", "learn", "plate", {}, NOW, node=node)
+            store.claim("begin", node, "", NOW, node=node)
+            store.claim("begin", f"{node}, settled", "", NOW, node=node)
+            store.settle("begin", f"{node}, settled", 200, b"")
+        begin(store, "i-done", node="dead")
+        conclude(store, "i-done", node="dead")
+        store.add_job("j-nobody", "learn", "plate", {}, NOW)
+        begin(store, "i-nobody")
+        nobody = store.bury(60, "it is gone")
+        assert (nobody.nodes, nobody.job_ids, nobody.inspection_ids) == ((), ("j-nobody",), ("i-nobody",))
+        behind(store, "UPDATE nodes SET beaten_ns = beaten_ns - 3600000000000 WHERE node_id = 'dead'")
+        buried = [each for each in at_once(lambda k: store.bury(60, "it is gone"), 4) if isinstance(each, Buried)]
+        assert len(buried) == 4
+        assert [node.node_id for each in buried for node in each.nodes] == ["dead"]
+        assert [job_id for each in buried for job_id in each.job_ids] == ["j-dead"]
+        assert [inspection_id for each in buried for inspection_id in each.inspection_ids] == ["i-dead"]
+        job, left = store.job("j-dead"), store.inspection("i-dead")
+        assert (job.state, job.error, store.job("j-lives").state) == ("failed", "it is gone", "running")
+        assert (left.state, left.node, store.inspection("i-lives").node) == ("processing", None, "lives")
+        assert abs((left.left_ns or 0) - time.time_ns()) < 60e9
+        assert abs((job.ended_ns or 0) - time.time_ns()) < 60e9
+        assert [each.inspection_id for each in store.ownerless()] == ["i-dead", "i-nobody"]
+        claims = {key: store.claim("begin", key, "", NOW).state for key in ("dead", "dead, settled", "lives")}
+        assert claims == {"dead": "new", "dead, settled": "settled", "lives": "pending"}
+
+    def test_an_inspection_is_of_one_service_and_no_other_writes_to_it(self, store: AbstractStore) -> None:
+        learnt(store)
+        begun = begin(store, "i1", node="n1")
+        assert (begun.node, begun.left_ns, begun.takes) == ("n1", None, 0)
+        assert store.ownerless() == ()
+        writes: list[Callable[[str], object]] = [
+            lambda node: store.save_checkpoint("i1", node, 0, b"", b""),
+            lambda node: store.release_inspection("i1", node, NOW),
+            lambda node: conclude(store, "i1", node=node),
+        ]
+        for write in writes:
+            with pytest.raises(NotOwner, match="'i1' is not of this service any more: service 'n1' has it"):
+                write("n2")
+        with pytest.raises(NotOwner):
+            conclude(store, "i1")
+        taken, none = store.take_inspection("i1", "n2")
+        assert (taken.node, taken.takes, none) == ("n2", 1, None)
+        with pytest.raises(NotOwner, match="service 'n2' has it"):
+            conclude(store, "i1", node="n1")
+        left = store.release_inspection("i1", "n2", NOW + 5)
+        assert (left.node, left.left_ns, store.ownerless()) == (None, NOW + 5, (left,))
+        with pytest.raises(NotOwner, match="no service has it"):
+            conclude(store, "i1", node="n2")
+        assert store.take_inspection("i1", "n1")[0].left_ns is None
+        ended = conclude(store, "i1", node="n1")
+        assert (ended.node, ended.takes, ended.ok_number) == ("n1", 2, 1)
+        for late in (
+            lambda: store.take_inspection("i1", "n2"),
+            lambda: store.release_inspection("i1", "n1", NOW),
+            lambda: store.save_checkpoint("i1", "n1", 0, b"", b""),
+        ):
+            with pytest.raises(AlreadyConcluded):
+                late()
+        with pytest.raises(NoSuchInspection):
+            store.take_inspection("i2", "n1")
+        with pytest.raises(NoSuchInspection):
+            store.save_checkpoint("i2", "n1", 0, b"", b"")
+
+    def test_who_takes_an_inspection_gets_what_was_saved_of_it(self, store: AbstractStore) -> None:
+        learnt(store)
+        begin(store, "i1", node="n1")
+        begin(store, "i2", node="n1")
+        for number, added in enumerate([b"a", b"bb", b"", b"d\0"]):
+            store.save_checkpoint("i1", "n1", number, b"state %d" % number, added)
+        store.save_checkpoint("i1", "n1", 3, b"state once more", b"dd")
+        store.save_checkpoint("i2", "n1", 0, b"other", b"other")
+        assert store.take_inspection("i1", "n2")[1] == Checkpoint(b"state once more", (b"a", b"bb", b"", b"dd"))
+        with pytest.raises(NotOwner):
+            store.save_checkpoint("i1", "n1", 4, b"late", b"late")
+        store.save_checkpoint("i1", "n2", 4, b"further", b"e")
+        assert store.take_inspection("i1", "n3")[1] == Checkpoint(b"further", (b"a", b"bb", b"", b"dd", b"e"))
+        conclude(store, "i1", node="n3")
+        assert counted(store, "checkpoints") == counted(store, "checkpoint_parts") == 1
+        assert store.abort_processing(NOW, "the end") == ("i2",)
+        assert counted(store, "checkpoints") == counted(store, "checkpoint_parts") == 0
+
+    def test_whoever_takes_an_inspection_last_has_it(self, store: AbstractStore) -> None:
+        learnt(store)
+        begin(store, "i1", node="first")
+
+        def take_and_save(k: int) -> int:
+            taken, checkpoint = store.take_inspection("i1", f"n{k}")
+            assert taken.takes - 1 >= (len(checkpoint.added) if checkpoint else 0)
+            store.save_checkpoint("i1", f"n{k}", len(checkpoint.added) if checkpoint else 0, b"%d" % k, b"")
+            return taken.takes
+
+        outcomes = at_once(take_and_save, 8)
+        assert {type(each) for each in outcomes} <= {int, NotOwner}
+        now = store.inspection("i1")
+        assert (now.takes, now.node in {f"n{k}" for k in range(8)}) == (8, True)
+        # The last one was disturbed by nobody.
+        assert outcomes[int((now.node or "")[1:])] == 8
+        assert store.take_inspection("i1", "n9")[1] == Checkpoint((now.node or "")[1:].encode(), ANY)
+
+    def test_only_one_does_what_only_one_may_do(self, store: AbstractStore) -> None:
+        with store.only_one("tidy") as mine, store.only_one("tidy") as again, store.only_one("else") as other:
+            assert (mine, again, other) == (True, False, True)
+            with store.only_one("tidy") as once_more:
+                assert not once_more
+        with suppress(KeyError), store.only_one("tidy") as mine:
+            assert mine
+            raise KeyError
+        with store.only_one("tidy") as mine:
+            assert mine
+
     # The store itself.
 
     def test_a_transaction_that_fails_leaves_nothing(self, store: AbstractStore) -> None:
@@ -614,6 +766,10 @@ class DurableStoreContract(StoreContract):
             behind(
                 store,
                 "DROP TABLE workspaces",
+                *(f"DROP TABLE {name}" for name in ("nodes", "told", "checkpoints", "checkpoint_parts")),
+                "DROP INDEX ix_claims_pending",
+                *(f"ALTER TABLE {name} DROP COLUMN node" for name in ("inspections", "jobs", "claims")),
+                *(f"ALTER TABLE inspections DROP COLUMN {name}" for name in ("left_ns", "takes")),
                 "DROP TABLE dispositions",
                 "ALTER TABLE inspections DROP COLUMN disposition",
                 "UPDATE alembic_version SET version_num = '0001'",

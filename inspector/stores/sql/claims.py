@@ -13,8 +13,8 @@ from inspector.stores.sql.tables import CLAIMS
 class Claims(Room):
     """Claims."""
 
-    def claim(self, scope: str, key: str, fingerprint: str, t_ns: int) -> Claim:
-        values = {"scope": scope, "key": key, "fingerprint": fingerprint, "t_ns": t_ns}
+    def claim(self, scope: str, key: str, fingerprint: str, t_ns: int, *, node: str | None = None) -> Claim:
+        values = {"scope": scope, "key": key, "fingerprint": fingerprint, "t_ns": t_ns, "node": node}
         query = select(CLAIMS).where(CLAIMS.c.scope == scope, CLAIMS.c.key == key)
         with self._database.writing() as connection:
             while True:

@@ -22,6 +22,9 @@ CONNECTIONS = 8
 PATIENCE_S = 30
 """How long to wait for a connection, or for the lock of another process."""
 
+_LIVELY = {"keepalives_idle": 5, "keepalives_interval": 2, "keepalives_count": 3, "tcp_user_timeout": 10_000}
+"""A server that is away without saying so is found to be, within 11 seconds."""
+
 
 def database_of(url: str) -> Database:
     """Connected when first used. Raises StoreNotOpened: a url that cannot be read, a driver that is not installed."""
@@ -79,7 +82,7 @@ def _postgresql(url: str) -> Database:
         raise StoreNotOpened("postgresql:", allowed) from error
     port = f":{parsed.port}" if parsed.port else ""
     place = f"postgresql://{parsed.host or ''}{port}/{parsed.database or ''}"
-    usual = {"connect_timeout": 10, "application_name": "inspector", "client_encoding": "utf8"}
+    usual = {"connect_timeout": 10, "application_name": "inspector", "client_encoding": "utf8", **_LIVELY}
     try:
         engine = _engine(
             parsed.set(drivername="postgresql+psycopg"),

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from sqlalchemy import func, insert, select, update
 
-from sqlalchemy import Connection, Row, func, insert, select, update
-
-from inspector.stores.base import AlreadyConcluded, NoSuchInspection, NoSuchRecipe, NotEnded, NothingToDecide
+from inspector.stores.base import NoSuchInspection, NoSuchRecipe, NotEnded, NothingToDecide
 from inspector.stores.records import (
     Decision,
     Disposition,
@@ -20,6 +18,7 @@ from inspector.stores.records import (
     StoredRecording,
 )
 from inspector.stores.sql.database import found, insert_new, made, names, page
+from inspector.stores.sql.owned import forget_checkpoints, inspection_row, not_owned, owned_by
 from inspector.stores.sql.products import appearance_of
 from inspector.stores.sql.room import Room, product_row, row_by, write_down
 from inspector.stores.sql.tables import DISPOSITIONS, INSPECTIONS, PRODUCTS, RECIPES, SCORES
@@ -44,6 +43,7 @@ class Inspections(Room):
         source: InspectionSource = "live",
         is_simulated: bool = False,
         recording: RecordingState = "being written",
+        node: str | None = None,
     ) -> StoredInspection:
         values = {
             "inspection_id": inspection_id,
@@ -57,6 +57,7 @@ class Inspections(Room):
             "source": source,
             "begun_ns": begun_ns,
             "recording": recording,
+            "node": node,
         }
         with self._database.writing() as connection:
             product_row(connection, product_id)
@@ -75,14 +76,15 @@ class Inspections(Room):
         result: Json | None,
         scores: bytes | None,
         reason: str | None = None,
+        node: str | None = None,
     ) -> StoredInspection:
         mine = _COLUMN.inspection_id == inspection_id
         values = {"state": state, "verdict": verdict, "ended_ns": ended_ns, "result": result, "reason": reason}
-        ended = update(INSPECTIONS).where(mine, _COLUMN.state == "processing").values(values)
+        ended = update(INSPECTIONS).where(mine, *owned_by(node)).values(values)
         with self._database.writing() as connection:
             row = connection.execute(ended.returning(INSPECTIONS)).one_or_none()
             if row is None:
-                raise AlreadyConcluded(inspection_id, _inspection(connection, inspection_id).state)
+                raise not_owned(connection, inspection_id)
             if state == "completed" and verdict == "OK" and row.source == "live":
                 counted = (
                     update(PRODUCTS)
@@ -94,6 +96,7 @@ class Inspections(Room):
                 row = connection.execute(numbered.returning(INSPECTIONS)).one()
             if scores is not None:
                 connection.execute(insert(SCORES).values(inspection_id=inspection_id, scores=scores))
+            forget_checkpoints(connection, [inspection_id])
             return made(StoredInspection, row)
 
     def acknowledge_inspection(self, inspection_id: str, t_ns: int) -> StoredInspection:
@@ -108,7 +111,7 @@ class Inspections(Room):
         )
         with self._database.writing() as connection:
             connection.execute(first)
-            row = _inspection(connection, inspection_id)
+            row = inspection_row(connection, inspection_id)
             if row.state == "processing":
                 raise NotEnded(inspection_id)
             return made(StoredInspection, row)
@@ -148,12 +151,12 @@ class Inspections(Room):
     def dispositions(self, inspection_id: str, after: int | None = None, limit: int = 50) -> Page[Disposition]:
         query = select(DISPOSITIONS).where(DISPOSITIONS.c.inspection_id == inspection_id)
         with self._database.reading() as connection:
-            _inspection(connection, inspection_id)
+            inspection_row(connection, inspection_id)
             return page(connection, query, Disposition, after, limit)
 
     def inspection(self, inspection_id: str) -> StoredInspection:
         with self._database.reading() as connection:
-            return made(StoredInspection, _inspection(connection, inspection_id))
+            return made(StoredInspection, inspection_row(connection, inspection_id))
 
     def inspections(
         self,
@@ -178,7 +181,7 @@ class Inspections(Room):
 
     def scores(self, inspection_id: str) -> bytes | None:
         with self._database.reading() as connection:
-            _inspection(connection, inspection_id)
+            inspection_row(connection, inspection_id)
             query = select(SCORES.c.scores).where(SCORES.c.inspection_id == inspection_id)
             return connection.execute(query).scalar_one_or_none()
 
@@ -190,7 +193,9 @@ class Inspections(Room):
             .returning(_COLUMN.inspection_id)
         )
         with self._database.writing() as connection:
-            return tuple(sorted(connection.execute(statement).scalars()))
+            aborted = sorted(connection.execute(statement).scalars())
+            forget_checkpoints(connection, aborted)
+            return tuple(aborted)
 
     def set_recording(
         self, inspection_id: str, recording: RecordingState, bytes: int = 0, note: str | None = None
@@ -215,7 +220,3 @@ class Inspections(Room):
             query = query.where(_COLUMN.number > after)
         with self._database.reading() as connection:
             return tuple(made(StoredRecording, row) for row in connection.execute(query))
-
-
-def _inspection(connection: Connection, inspection_id: str) -> Row[Any]:
-    return found(row_by(connection, INSPECTIONS, "inspection_id", inspection_id), NoSuchInspection, inspection_id)

@@ -15,7 +15,9 @@ from inspector.stores.sql.tables import JOBS
 class Jobs(Room):
     """Jobs."""
 
-    def add_job(self, job_id: str, kind: JobKind, product_id: str | None, request: Json, t_ns: int) -> Job:
+    def add_job(
+        self, job_id: str, kind: JobKind, product_id: str | None, request: Json, t_ns: int, *, node: str | None = None
+    ) -> Job:
         values = {
             "job_id": job_id,
             "kind": kind,
@@ -24,6 +26,7 @@ class Jobs(Room):
             "progress": 0.0,
             "created_ns": t_ns,
             "request": request,
+            "node": node,
         }
         with self._database.writing() as connection:
             if product_id is not None:

@@ -7,22 +7,22 @@ from typing import Self, final
 from sqlalchemy import text
 
 from inspector.stores.sql.access import Access
+from inspector.stores.sql.checkpoints import Checkpoints
 from inspector.stores.sql.claims import Claims
 from inspector.stores.sql.engines import database_of
 from inspector.stores.sql.inspections import Inspections
 from inspector.stores.sql.jobs import Jobs
 from inspector.stores.sql.migrating import migrate
+from inspector.stores.sql.nodes import Nodes
 from inspector.stores.sql.products import Products
 from inspector.stores.sql.recipes import Recipes
-from inspector.stores.sql.reservation import Reservation
+from inspector.stores.sql.telling import Telling
 from inspector.stores.sql.workspaces import Workspaces
 
 
 @final
-class SqlStore(Products, Workspaces, Jobs, Recipes, Inspections, Access, Claims):
+class SqlStore(Products, Workspaces, Jobs, Recipes, Inspections, Checkpoints, Access, Claims, Nodes, Telling):
     """A store on SQLite or PostgreSQL."""
-
-    _reservation: Reservation | None = None
 
     @classmethod
     def open(cls, url: str) -> Self:
@@ -34,19 +34,9 @@ class SqlStore(Products, Workspaces, Jobs, Recipes, Inspections, Access, Claims)
             raise
         return cls(database)
 
-    def reserve(self) -> None:
-        if self._database.engine.dialect.name == "postgresql" and self._reservation is None:
-            self._reservation = Reservation(self._database)
-
     def ping(self) -> None:
-        if self._reservation is None:
-            with self._database.reading() as connection:
-                connection.execute(text("SELECT 1"))
-        else:
-            self._reservation.renew()
+        with self._database.reading() as connection:
+            connection.execute(text("SELECT 1"))
 
     def close(self) -> None:
-        if self._reservation is not None:
-            self._reservation.release()
-            self._reservation = None
         self._database.engine.dispose()

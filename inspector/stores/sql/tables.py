@@ -126,6 +126,7 @@ JOBS = Table(
     _json("request"),
     _json("outcome", nullable=True),
     Column("error", Words),
+    Column("node", Words),
     Index(None, "product_id", "number"),
     Index(None, "state", "number"),
     sqlite_autoincrement=True,
@@ -174,6 +175,9 @@ INSPECTIONS = Table(
     _json("policy"),
     _json("result", nullable=True),
     _json("disposition", nullable=True),
+    Column("node", Words),
+    Column("left_ns", BigInteger),
+    Column("takes", BigInteger, nullable=False, server_default=text("0")),
     ForeignKeyConstraint(["product_id", "appearance_id"], ["appearances.product_id", "appearances.appearance_id"]),
     Index(None, "product_id", "number"),
     Index(None, "verdict", "number"),
@@ -203,6 +207,21 @@ SCORES = Table(
     METADATA,
     Column("inspection_id", Words, ForeignKey("inspections.inspection_id"), primary_key=True),
     Column("scores", LargeBinary, nullable=False),
+)
+
+CHECKPOINTS = Table(
+    "checkpoints",
+    METADATA,
+    Column("inspection_id", Words, ForeignKey("inspections.inspection_id"), primary_key=True),
+    Column("state", LargeBinary, nullable=False),
+)
+
+CHECKPOINT_PARTS = Table(
+    "checkpoint_parts",
+    METADATA,
+    Column("inspection_id", Words, ForeignKey("inspections.inspection_id"), primary_key=True),
+    Column("number", BigInteger, primary_key=True, autoincrement=False),
+    Column("added", LargeBinary, nullable=False),
 )
 
 AUDIT = Table(
@@ -240,4 +259,33 @@ CLAIMS = Table(
     Column("t_ns", BigInteger, nullable=False, index=True),
     Column("status", Integer),
     Column("body", LargeBinary),
+    Column("node", Words),
+    Index(
+        "ix_claims_pending",
+        "node",
+        sqlite_where=text("status IS NULL"),
+        postgresql_where=text("status IS NULL"),
+    ),
 )
+
+NODES = Table(
+    "nodes",
+    METADATA,
+    _number(),
+    Column("node_id", Words, nullable=False, unique=True),
+    Column("name", Words, nullable=False),
+    Column("started_ns", BigInteger, nullable=False),
+    Column("beaten_ns", BigInteger, nullable=False),
+    _json("facts"),
+    sqlite_autoincrement=True,
+)
+
+TOLD = Table(
+    "told",
+    METADATA,
+    _number(),
+    Column("told_ns", BigInteger, nullable=False, index=True),
+    Column("body", LargeBinary, nullable=False),
+    sqlite_autoincrement=True,
+)
+"""What services tell each other, where it is too much for a notification."""

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from queue import Queue
 
 import psycopg
 import pytest
 
 from inspector.stores import open_store
-from inspector.stores.base import StoreInUse, StoreNotOpened
-from tests.contracts.stores import ONE_SENTENCE, DurableStoreContract, at_once, engine, learnt, process, recipe
+from inspector.stores.base import NotOwner, StoreNotOpened
+from inspector.stores.records import Checkpoint
+from tests.contracts.stores import (
+    ONE_SENTENCE,
+    DurableStoreContract,
+    at_once,
+    begin,
+    behind,
+    counted,
+    engine,
+    learnt,
+    process,
+    recipe,
+)
 from tests.postgresql import Server
 
-RESERVES = """
+HAS_A_TURN = """
 import sys
 from inspector.stores import open_store
-store = open_store(sys.argv[1])
-store.reserve()
-print("reserved", flush=True)
-sys.stdin.readline()
+with open_store(sys.argv[1]) as store, store.only_one("tidy") as mine:
+    print("mine" if mine else "not mine", flush=True)
+    sys.stdin.readline()
 """
 
 
@@ -72,38 +83,71 @@ def test_connections_are_bounded(postgresql: Server) -> None:
         assert 1 <= counted[0] <= 8
 
 
-def test_a_second_service_is_refused_as_long_as_the_first_is_there(postgresql: Server) -> None:
+def test_what_is_told_is_heard_by_all_or_by_those_named(postgresql: Server) -> None:
     url = postgresql.new_database()
+    heard: dict[str, Queue[bytes | None]] = {"n1": Queue(), "n2": Queue()}
+    bodies = [b"{}", "gr\u00fcn".encode(), b"#1", b"\0", b"", b"x" * 7899, b"x" * 7900, bytes(range(256)) * 4000]
     with open_store(url) as one, open_store(url) as other:
-        one.reserve()
-        one.reserve()
-        for _ in range(2):
-            one.ping()
-            with pytest.raises(StoreInUse, match="another service works on it") as refused:
-                other.reserve()
-            terminate(postgresql)
-        assert ONE_SENTENCE.fullmatch(str(refused.value))
-        other.reserve()
-        with pytest.raises(StoreInUse):
-            one.ping()
-        other.close()
-        one.ping()
+        with one.listen("n1", heard["n1"].put), other.listen("n2", heard["n2"].put):
+            for body in bodies:
+                one.tell(body)
+            other.tell(b"to one", ["n1"])
+            other.tell(b"to both" * 2000, ["n1", "n2"])
+            other.tell(b"to none", [])
+            one.tell(b"the end")
+            last = [b"to both" * 2000, b"the end"]
+            for name, own in (("n1", [b"to one"]), ("n2", [])):
+                expected = [*bodies, *own, *last]
+                assert [heard[name].get(timeout=10) for _ in expected] == expected
+        one.tell(b"too late")
+        assert heard["n1"].empty()
+        assert counted(one, "told") == 5
+        behind(one, "UPDATE told SET told_ns = told_ns - 61000000000")
     with open_store(url) as third:
-        third.reserve()
+        third.tell(b"\0")
+        assert counted(third, "told") == 1
 
 
-def test_a_service_that_was_killed_holds_nothing(postgresql: Server) -> None:
+def test_who_hears_is_told_that_something_may_be_missing(postgresql: Server) -> None:
+    heard: Queue[bytes | None] = Queue()
+    with open_store(postgresql.new_database()) as store, store.listen("n1", heard.put):
+        store.tell(b"before")
+        assert heard.get(timeout=10) == b"before"
+        terminate(postgresql)
+        assert heard.get(timeout=10) is None
+        store.tell(b"after")
+        assert heard.get(timeout=10) == b"after"
+
+
+def test_a_turn_goes_with_the_process_that_has_it(postgresql: Server) -> None:
     url = postgresql.new_database()
-    with process(RESERVES, url) as holder, open_store(url) as store:
+    with process(HAS_A_TURN, url) as holder, open_store(url) as store:
         assert holder.stdout is not None
-        assert holder.stdout.readline() == "reserved\n"
-        with pytest.raises(StoreInUse):
-            store.reserve()
+        assert holder.stdout.readline() == "mine\n"
+        with store.only_one("tidy") as mine:
+            assert not mine
         holder.kill()
         holder.wait()
         for _ in range(1000):
             # The server sees a moment later that nobody is there any more.
-            with suppress(StoreInUse):
-                store.reserve()
-                return
+            with store.only_one("tidy") as mine:
+                if mine:
+                    return
     raise AssertionError("the lock of a process that is gone is still held")
+
+
+def test_a_checkpoint_is_saved_before_an_inspection_is_taken_or_not_at_all(postgresql: Server) -> None:
+    url = postgresql.new_database()
+    with open_store(url) as one, open_store(url) as other:
+        learnt(one)
+        for k in range(10):
+            begin(one, f"i{k}", node="n1")
+            saved, taken = at_once(
+                lambda j, k=k: (
+                    one.save_checkpoint(f"i{k}", "n1", 0, b"state", b"")
+                    if j == 0
+                    else other.take_inspection(f"i{k}", "n2")[1]
+                ),
+                2,
+            )
+            assert (type(saved), taken) in [(NotOwner, None), (type(None), Checkpoint(b"state", (b"",)))]
