@@ -28,6 +28,7 @@ from inspector.errors import (
 )
 from inspector.files import NotWritten
 from inspector.labels import LabelsRefused
+from inspector.objects import ObjectError
 from inspector.policies import PolicyRefused
 from inspector.result_json import BadRecord
 from inspector.scores_json import ScoresUnreadable
@@ -122,6 +123,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     DeskClosed: Kind(503, "Being stopped"),
     TooMuchToDo: Kind(503, "Too much to do"),
     StoreError: Kind(503, "Database does not answer"),
+    ObjectError: Kind(503, "Files cannot be had"),
     FolderInUse: Kind(503, "Data folder in use"),
     FolderRefused: Kind(503, "Data folder not writable"),
     AtCapacity: Kind(503, "No capacity"),

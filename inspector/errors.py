@@ -54,14 +54,14 @@ class RecordingError(WorldError):
 class NotARecording(RecordingError):
     """A file that is missing, or that is no MCAP."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: object, why: str) -> None:
         super().__init__(f"{path}: {why}; allowed is an MCAP recording, or a folder that holds one")
 
 
 class NoPictures(RecordingError):
     """A recording that holds no readable picture."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: object, why: str) -> None:
         super().__init__(
             f"{path}: no readable picture: {why}; read are CompressedImage and RawImage of foxglove"
             " (protobuf, JSON), CompressedImage and Image of sensor_msgs (ROS 1, ROS 2)"
@@ -71,21 +71,21 @@ class NoPictures(RecordingError):
 class ManyCameras(RecordingError):
     """Several topics with pictures, and none chosen."""
 
-    def __init__(self, path: Path, topics: Sequence[str]) -> None:
+    def __init__(self, path: object, topics: Sequence[str]) -> None:
         super().__init__(f"{path}: pictures on {len(topics)} topics, choose one of {', '.join(topics)}")
 
 
 class NoSuchTopic(RecordingError):
     """A chosen topic that has no pictures."""
 
-    def __init__(self, path: Path, topic: str, topics: Sequence[str]) -> None:
+    def __init__(self, path: object, topic: str, topics: Sequence[str]) -> None:
         super().__init__(f"{path}: no pictures on topic {topic}, allowed is {' or '.join(topics)}")
 
 
 class NotRecorded(RecordingError):
     """A recording that cannot be begun."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: object, why: str) -> None:
         super().__init__(f"{path} cannot be written: {why}; name a file in a folder that is there and writable")
 
 

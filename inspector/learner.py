@@ -12,6 +12,7 @@ from jaxtyping import Bool
 
 from inspector.errors import PictureUnreadable
 from inspector.files import refuse_taken, write_new
+from inspector.locations import Location, RemoteFile, to_location
 from inspector.pictures import decode
 from inspector.recording import SweepReader, count_frames
 from models.appearance import Appearance
@@ -24,8 +25,10 @@ from models.spread import ODD
 class _Golden:
     """A recording that enters itself in a list when it is begun, and tells each loss once."""
 
-    def __init__(self, path: Path | str, topic: str | None, tell: Callable[[str], object], begun: list[Path]) -> None:
-        self.reader = SweepReader(Path(path), topic=topic)
+    def __init__(
+        self, path: Path | RemoteFile | str, topic: str | None, tell: Callable[[str], object], begun: list[Location]
+    ) -> None:
+        self.reader = SweepReader(path, topic=topic)
         self._tell, self._told, self._begun = tell, set[str](), begun
 
     def __iter__(self) -> Iterator[Frame]:
@@ -38,7 +41,7 @@ class _Golden:
 
 
 def learn_recordings(
-    paths: Sequence[Path | str],
+    paths: Sequence[Path | RemoteFile | str],
     out: Path | str,
     progress: Callable[[float], None] | None = None,
     *,
@@ -53,7 +56,7 @@ def learn_recordings(
     each recording that was left out because it is unlike the others. Raises RecordingError, OutputExists,
     NotWritten; LearningError and PictureError name the recording.
     """
-    out, begun = Path(out), list[Path]()
+    out, begun = Path(out), list[Location]()
     refuse_taken(out)
     mask = None if ignore is None else read_mask(ignore)
     goldens = [_Golden(path, topic, tell, begun) for path in paths]
@@ -65,7 +68,7 @@ def learn_recordings(
     return appearance
 
 
-def _doubts(appearance: Appearance, paths: Sequence[Path]) -> Iterator[str]:
+def _doubts(appearance: Appearance, paths: Sequence[Location]) -> Iterator[str]:
     """What should be looked at before the appearance is trusted."""
     left = {odd.sweep: odd for odd in left_out(appearance)}
     for sweep, odd in left.items():
@@ -82,7 +85,7 @@ def _doubts(appearance: Appearance, paths: Sequence[Path]) -> Iterator[str]:
 
 
 def add_recordings(
-    paths: Sequence[Path | str],
+    paths: Sequence[Path | RemoteFile | str],
     to: Path | str,
     out: Path | str,
     progress: Callable[[float], None] | None = None,
@@ -95,7 +98,7 @@ def add_recordings(
     Costs what reading these sweeps costs. The rest is as for `learn_recordings`; a sweep that is unlike the golden
     ones is an error. Raises AppearanceError, too.
     """
-    out, begun = Path(out), list[Path]()
+    out, begun = Path(out), list[Location]()
     refuse_taken(out)
     old = appearance = load_appearance(to)
     goldens = [_Golden(path, topic, tell, begun) for path in paths]
@@ -113,7 +116,7 @@ def _part_of(progress: Callable[[float], None] | None, done: int, of: int) -> Ca
 
 
 @contextmanager
-def _blamed_on(begun: Sequence[Path]) -> Generator[None]:
+def _blamed_on(begun: Sequence[Location]) -> Generator[None]:
     """What is wrong with a recording names it: the last one begun, or all where it may be any."""
     try:
         yield
@@ -143,10 +146,10 @@ def read_mask(path: Path | str) -> Bool[np.ndarray, "h w"]:
     return grey > np.iinfo(grey.dtype).max // 2
 
 
-def load_appearance(path: Path | str) -> Appearance:
-    """The appearance in a file. Raises AppearanceError, which names the file, whatever is wrong with it."""
+def load_appearance(path: Path | RemoteFile | str) -> Appearance:
+    """The appearance in a file, or by URL. Raises AppearanceError, which names it, whatever is wrong; ObjectError."""
     try:
-        return Appearance.from_bytes(Path(path).read_bytes())
+        return Appearance.from_bytes(to_location(path).read_bytes())
     except OSError as error:
         raise AppearanceError(f"{path}: {error.strerror or error}; allowed is a file that `learn` wrote") from error
     except AppearanceError as error:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import settings
 
 if TYPE_CHECKING:
+    from tests.buckets import Buckets
     from tests.postgresql import Server
 
 # NumPy reads these when it is loaded. Here that may have been, by a plugin; workers are started later, and inherit.
@@ -24,6 +25,15 @@ settings.load_profile("same")
 def postgresql() -> "Iterator[Server]":
     """One server for all tests of a worker that ask for it."""
     from tests.postgresql import server
+
+    with server() as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def buckets() -> "Iterator[Buckets]":
+    """One S3 service for all tests of a worker that ask for it."""
+    from tests.buckets import server
 
     with server() as running:
         yield running

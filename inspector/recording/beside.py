@@ -10,17 +10,18 @@ from typing import Any
 from mcap.records import Message
 
 from inspector.errors import RecordingError
+from inspector.locations import RemoteFile, to_location
 from inspector.recording.framing import RecordScan
 from inspector.recording.reader import find_recording
 from inspector.recording.summary import survey
 
 
-def json_messages(path: Path | str, topic: str) -> Iterator[tuple[int, Any]]:
+def json_messages(path: Path | RemoteFile | str, topic: str) -> Iterator[tuple[int, Any]]:
     """(log time in ns, what the message says) in recorded order; nothing where there is no such topic.
 
     Raises NotARecording; RecordingError where a message on that topic is no JSON.
     """
-    path = find_recording(Path(path))
+    path = find_recording(to_location(path))
     with path.open("rb") as file:
         found = survey(file)
         channels = {number for number, channel in found.channels.items() if channel.topic == topic}

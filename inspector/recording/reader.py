@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from inspector.errors import ManyCameras, NoPictures, NoSuchTopic, NotARecording, RecordingError
+from inspector.locations import Location, RemoteFile, to_location
+from inspector.objects import NoSuchObject
 from inspector.recording.decoding import holds_pictures
 from inspector.recording.framing import MAGIC
 from inspector.recording.reading import Pass
@@ -31,11 +33,11 @@ class SweepReader:
     """The frames of one topic of one recording; can be iterated again and again, each time from the file.
 
     The time of a frame is the log time. A picture that cannot be decoded is left out and told in `losses`, never
-    shown; its number stays free in `sequence`.
+    shown; its number stays free in `sequence`. What is named by URL is fetched as it is read.
     """
 
-    def __init__(self, path: Path | str, *, topic: str | None = None) -> None:
-        self.path = find_recording(Path(path))
+    def __init__(self, path: Path | RemoteFile | str, *, topic: str | None = None) -> None:
+        self.path = find_recording(to_location(path))
         self._wanted = topic
         self.losses: tuple[str, ...] = ()
         """After a pass: a sentence for each thing that was lost or not readable."""
@@ -70,9 +72,9 @@ class SweepReader:
             raise NoPictures(self.path, "; ".join(self.losses) or f"topic {self.topic} is empty")
 
 
-def find_recording(path: Path) -> Path:
+def find_recording(path: Location) -> Location:
     """The recording itself, or the only one in a folder, as rosbag2 writes it; it must begin as an MCAP does."""
-    if path.is_dir():
+    if isinstance(path, Path) and path.is_dir():
         found = sorted(path.glob("*.mcap"))
         if len(found) != 1:
             raise NotARecording(path, f"a folder with {len(found)} MCAP files")
@@ -82,10 +84,12 @@ def find_recording(path: Path) -> Path:
             begins_as_mcap(path, file.read(len(MAGIC)))
     except OSError as error:
         raise NotARecording(path, error.strerror or str(error)) from error
+    except NoSuchObject as error:
+        raise NotARecording(path, "there is nothing by that name") from error
     return path
 
 
-def begins_as_mcap(path: Path, start: bytes) -> bool:
+def begins_as_mcap(path: Location, start: bytes) -> bool:
     """True for the first bytes of a recording, 8 or more; raises NotARecording for others."""
     if start[: len(MAGIC)] != MAGIC:
         raise NotARecording(path, _why_not(start[: len(MAGIC)]))
@@ -100,7 +104,7 @@ def _why_not(start: bytes) -> str:
     return f"no MCAP, it begins with {start.hex()}"
 
 
-def choose_topic(path: Path, found: Survey, wanted: str | None) -> str:
+def choose_topic(path: Location, found: Survey, wanted: str | None) -> str:
     """The topic to read; an error lists what there is."""
     counts = Counter[str]()
     for number, channel in found.channels.items():
@@ -118,16 +122,16 @@ def choose_topic(path: Path, found: Survey, wanted: str | None) -> str:
     return wanted or (IMAGE if IMAGE in topics else topics[0])
 
 
-def count_frames(path: Path | str) -> int | None:
+def count_frames(path: Path | RemoteFile | str) -> int | None:
     """The number of frames that the summary announces, without reading them; None when there is no summary."""
     with suppress(RecordingError, ValueError):
-        found = find_recording(Path(path))
+        found = find_recording(to_location(path))
         with found.open("rb") as file:
             return _count(found, file)
     return None
 
 
-def _count(path: Path, file: BinaryIO) -> int | None:
+def _count(path: Location, file: BinaryIO) -> int | None:
     found = survey_summary(file)
     if found is None:
         return None

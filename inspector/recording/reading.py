@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, BinaryIO
 
 from google.protobuf.message import DecodeError
 from mcap.records import Message, MessageIndex
 
 from inspector.errors import NoPictures, PictureUnreadable
+from inspector.locations import Location
 from inspector.recording.decoding import Fields, Picture, holds_pictures, picture_reader, protobuf_reader
 from inspector.recording.framing import Damage, RecordScan, Unchecked
 from inspector.recording.schemas import PACKAGE
@@ -25,7 +25,7 @@ FIELDS = {ENCODER: ("position",), EVENTS: ("kind", "count")}
 class Pass:
     """State of one iteration; a new one for each."""
 
-    def __init__(self, path: Path, survey: Survey, topic: str) -> None:
+    def __init__(self, path: Location, survey: Survey, topic: str) -> None:
         self.drops: list[tuple[int, int]] = []
         self.yielded = 0
         self._survey = survey
@@ -126,7 +126,7 @@ class Pass:
             self.drops.append((message.log_time, int(fields["count"])))
 
 
-def _picture_readers(path: Path, survey: Survey, topic: str) -> dict[int, Callable[[bytes], Picture]]:
+def _picture_readers(path: Location, survey: Survey, topic: str) -> dict[int, Callable[[bytes], Picture]]:
     readers: dict[int, Callable[[bytes], Picture]] = {}
     for number, channel in survey.channels.items():
         schema = survey.schemas.get(channel.schema_id)

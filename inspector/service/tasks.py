@@ -56,7 +56,7 @@ _OTHERS = Others()
 class TooManyFrames(RecordingError):
     """A recording of more frames than allowed."""
 
-    def __init__(self, path: Path, allowed: int) -> None:
+    def __init__(self, path: object, allowed: int) -> None:
         super().__init__(f"{path}: more frames than allowed; allowed are {allowed}")
 
 

@@ -10,10 +10,12 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
-from inspector.errors import NotRecorded, OutputExists, RecordingStopped
+from inspector.errors import NotARecording, NotRecorded, OutputExists, RecordingStopped
+from inspector.objects import Objects, beneath
 from inspector.pictures import encode_jpeg
 from inspector.recording import Drop, ScoredWriter, SweepReader, SweepWriter, count_frames
 from models.verdict import FrameState, Region, Residuals, ScoredFrame
+from tests.inspector.line import cut
 from tests.inspector.recordings import START_NS, encoded_frame, frame, pixels, same
 
 
@@ -199,3 +201,18 @@ def test_a_scored_recording_shows_scores_and_boxes_beside_the_frames(tmp_path):
     assert [t.text for t in boxes.texts] == ["s 0.250  score 2.25", "2.25 bright"]
     assert len(none.points) == 0
     assert [same(f, n) for n, f in enumerate(SweepReader(path))] == [True, True]
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6])
+def test_a_recording_is_read_by_url_as_from_the_disk(tmp_path, buckets, share):
+    whole = written(tmp_path / "a.mcap", [frame(n, pixels=pixels(n, (60, 80))) for n in range(30)], part_id="7")
+    path, url = cut(whole, tmp_path / "cut.mcap", share), buckets.new()
+    Objects(url).put_new("line/a.mcap", path)
+    place = beneath(url, "line/a.mcap")
+    here, there = SweepReader(path), SweepReader(place)
+    for one, other in zip(here, there, strict=True):
+        assert np.array_equal(one.pixels, other.pixels)
+        assert (one.t_ns, one.sequence) == (other.t_ns, other.sequence)
+    assert (there.facts, there.losses, count_frames(place)) == (here.facts, here.losses, count_frames(path))
+    with pytest.raises(NotARecording, match=r"^s3://bucket-\d+/line/b.mcap: there is nothing by that name"):
+        SweepReader(beneath(url, "line/b.mcap"))
