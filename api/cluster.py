@@ -102,7 +102,7 @@ def app(arguments: Mapping[str, str]) -> Any:
 
 def main(arguments: Sequence[str]) -> None:
     """Serve at INSPECTOR_HOST and INSPECTOR_PORT, on every machine of the cluster, until this is interrupted."""
-    parser = argparse.ArgumentParser(prog="python -m api.cluster", description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m api.cluster", description="Several services behind one address, by Ray Serve.")
     parser.add_argument("--replicas", type=int, default=1, metavar="N", help="services, each with its scorers")
     replicas = parser.parse_args(arguments).replicas
     settings = read_settings()
@@ -115,8 +115,12 @@ def main(arguments: Sequence[str]) -> None:
         ray.init("local", num_cpus=cores, object_store_memory=_OBJECTS, include_dashboard=False)
     serve.start(proxy_location="EveryNode", http_options={"host": settings.host, "port": settings.port})
     asked_to_end = threading.Event()
+
+    def end(number: int, frame: object) -> None:
+        asked_to_end.set()
+
     for kind in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(kind, lambda *_: asked_to_end.set())
+        signal.signal(kind, end)
     serve.run(served)
     print(f"inspector serves at http://{settings.host}:{settings.port}", flush=True)
     asked_to_end.wait()
