@@ -102,7 +102,9 @@ def app(arguments: Mapping[str, str]) -> Any:
 
 def main(arguments: Sequence[str]) -> None:
     """Serve at INSPECTOR_HOST and INSPECTOR_PORT, on every machine of the cluster, until this is interrupted."""
-    parser = argparse.ArgumentParser(prog="python -m api.cluster", description="Several services behind one address, by Ray Serve.")
+    parser = argparse.ArgumentParser(
+        prog="python -m api.cluster", description="Several services behind one address, by Ray Serve."
+    )
     parser.add_argument("--replicas", type=int, default=1, metavar="N", help="services, each with its scorers")
     replicas = parser.parse_args(arguments).replicas
     settings = read_settings()
