@@ -12,10 +12,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, TypeVar
 
+import cv2
 import joblib
+from threadpoolctl import threadpool_limits
 
 from inspector.errors import WorldError
 
@@ -32,10 +35,12 @@ EXECUTORS = {
 _EXTRA = {"dask": "dask", "ray": "cluster"}
 _AHEAD = 2
 """Pieces of work handed out for each worker."""
-_PATIENCE = 20
+_PATIENCE = 10
 """Seconds that a cluster may take to answer."""
-_AT_ONCE = 8
+_LIST = 8
 """Pieces of work for each worker that are told of together, where an engine cannot tell of each."""
+_TRIES = 3
+"""How often workers may be lost without anything done meanwhile."""
 
 
 class UnknownExecutor(WorldError):
@@ -62,37 +67,124 @@ class ExecutorRefused(WorldError):
 class WorkersLost(WorldError):
     """Workers died, and what they had in work is not done."""
 
+    def __init__(self, url: str, why: str) -> None:
+        super().__init__(f"{url}: workers were lost: {why}")
+
 
 class Executor:
     """Does the same to each of many things, several at a time."""
 
     def __init__(self, url: str, workers: int, backend: str | None) -> None:
         self.url, self.workers = url, workers
+        # Ray's back end gives lists only.
+        self._lists = backend == "ray"
         self._backend = backend
 
-    def each(self, work: Callable[[A], B], things: Sequence[A]) -> Iterator[B]:
-        """What `work`, a function of a module, makes of each thing, in the order in which they are done.
+    def each(
+        self,
+        work: Callable[..., B],
+        things: Sequence[A],
+        *shared: object,
+        lost: Callable[[A, str], B] | None = None,
+    ) -> Iterator[B]:
+        """What `work(thing, *shared)` makes of each thing, in the order in which they are done.
 
-        Raises WorkersLost where a worker died: what was yielded is done, the rest is not.
+        `work` is a function of a module and raises nothing that is expected. What is shared is sent to a cluster once
+        where it is an array. What a worker had in work when it died is done by another. A thing that takes every worker
+        with it, or that `work` breaks on, becomes `lost(thing, why)`. Raises WorkersLost where that is not given, and
+        where no worker is left.
         """
+        left = dict(enumerate(things))
+        fruitless = 0
+        while left:
+            before = len(left)
+            try:
+                for number, made in self._once(work, list(left.items()), shared):
+                    thing = left.pop(number)
+                    yield self._told(made, thing, lost)
+            except _Died as died:
+                fruitless = fruitless + 1 if len(left) == before else 0
+                if fruitless < _TRIES:
+                    continue
+                if lost is None:
+                    raise WorkersLost(self.url, str(died)) from died
+                # Those that may have been in work: which of them it was shows when each is alone.
+                for number in list(left)[: self._at_once]:
+                    made = self._alone(work, number, left[number], shared)
+                    yield self._told(made, left.pop(number), lost)
+                fruitless = 0
+
+    @property
+    def _at_once(self) -> int:
+        return (_LIST if self._lists else _AHEAD) * self.workers
+
+    def _told(self, made: B | _Broke, thing: A, lost: Callable[[A, str], B] | None) -> B:
+        if not isinstance(made, _Broke):
+            return made
+        if lost is None:
+            raise WorkersLost(self.url, made.why)
+        return lost(thing, made.why)
+
+    def _alone(self, work: Callable[..., B], number: int, thing: object, shared: Sequence[object]) -> B | _Broke:
+        try:
+            return next(made for _, made in self._once(work, [(number, thing)], shared))
+        except _Died as died:
+            try:
+                list(self._once(_nothing, [(0, None)], ()))
+            except _Died as none:
+                raise WorkersLost(self.url, str(none)) from none
+            return _Broke(f"every worker that takes it dies: {died}")
+
+    def _once(
+        self, work: Callable[..., B], numbered: Sequence[tuple[int, A]], shared: Sequence[object]
+    ) -> Iterator[tuple[int, B | _Broke]]:
+        """Raises _Died where a worker died: what was yielded is done, the rest is not."""
         if self._backend is None:
-            yield from map(work, things)
+            yield from (_done(each, work, *shared) for each in numbered)
             return
-        # Ray's back end gives lists only.
-        lists = self._backend == "ray"
-        size = _AT_ONCE * self.workers if lists else max(1, len(things))
-        how = "list" if lists else "generator_unordered"
+        size = self._at_once if self._lists else len(numbered)
+        how = "list" if self._lists else "generator_unordered"
         ahead = _AHEAD * self.workers
         parallel = _JOBLIB.Parallel(n_jobs=self.workers, return_as=how, batch_size=1, pre_dispatch=ahead)
         try:
-            for start in range(0, len(things), size):
-                made: Iterable[Any] = parallel(_JOBLIB.delayed(work)(each) for each in things[start : start + size])
+            for start in range(0, len(numbered), size):
+                some = numbered[start : start + size]
+                made: Iterable[Any] = parallel(_JOBLIB.delayed(_done)(each, work, *shared) for each in some)
                 yield from made
         except (WorldError, GeneratorExit, KeyboardInterrupt):
             raise
-        # each engine says it in its own way; `work` itself raises nothing that is expected
+        # each engine says it in its own way
         except Exception as error:
-            raise WorkersLost(f"{self.url}: workers were lost: {str(error).splitlines()[0][:200]}") from error
+            said = str(error).strip() or type(error).__name__
+            raise _Died(said.splitlines()[0][:200]) from error
+
+
+class _Died(Exception):
+    """A worker is gone."""
+
+
+@dataclass(frozen=True)
+class _Broke:
+    """Instead of what is made of a thing."""
+
+    why: str
+
+
+def _done(numbered: tuple[int, Any], work: Callable[..., Any], *shared: object) -> tuple[int, Any]:
+    """In the worker."""
+    number, thing = numbered
+    cv2.setNumThreads(1)
+    try:
+        # More threads may change last bits.
+        with threadpool_limits(1):
+            return number, work(thing, *shared)
+    # whatever it is, it is of this thing
+    except Exception as error:
+        return number, _Broke(f"{type(error).__name__}: {error}")
+
+
+def _nothing(thing: None) -> None:
+    """Tells that there is a worker."""
 
 
 @contextmanager

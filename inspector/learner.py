@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, UInt8
 
-from inspector.errors import PictureUnreadable
+from inspector.errors import PictureUnreadable, RecordingError
 from inspector.files import refuse_taken, write_new
 from inspector.locations import Location, RemoteFile, to_location
 from inspector.pictures import decode
 from inspector.recording import SweepReader, count_frames
 from models.appearance import Appearance
-from models.errors import AppearanceError, NumericError, PictureError, SweepsDiffer
+from models.errors import AppearanceError, InspectionError, LearningError, NumericError, PictureError, SweepsDiffer
 from models.frame import EncodedPicture, Frame
-from models.learning import absorb, learn, left_out
+from models.learning import ShownBy, absorb, learn, left_out, shown_by
 from models.spread import ODD
+
+if TYPE_CHECKING:
+    from inspector.executors import Executor
 
 
 class _Golden:
@@ -28,13 +33,21 @@ class _Golden:
     def __init__(
         self, path: Path | RemoteFile | str, topic: str | None, tell: Callable[[str], object], begun: list[Location]
     ) -> None:
-        self.reader = SweepReader(path, topic=topic)
+        self.reader, self.topic = SweepReader(path, topic=topic), topic
         self._tell, self._told, self._begun = tell, set[str](), begun
 
     def __iter__(self) -> Iterator[Frame]:
-        self._begun.append(self.reader.path)
+        self.begin()
         yield from self.reader
-        for loss in self.reader.losses:
+        self.lost(self.reader.losses)
+
+    def begin(self) -> None:
+        """What goes wrong from now on is of this one."""
+        self._begun.append(self.reader.path)
+
+    def lost(self, losses: Sequence[str]) -> None:
+        """What a pass over it lost."""
+        for loss in losses:
             if loss not in self._told:
                 self._told.add(loss)
                 self._tell(f"{self.reader.path}: {loss}")
@@ -48,8 +61,11 @@ def learn_recordings(
     topic: str | None = None,
     ignore: Path | str | None = None,
     tell: Callable[[str], object] = lambda said: None,
+    executor: Executor | None = None,
 ) -> Appearance:
     """Learn from golden recordings, the first as reference, and write the appearance to the new file `out`.
+
+    With an executor the further ones are read several at a time; what is learnt is the same, byte for byte.
 
     `ignore` is a picture of the size of the others, white where nothing is said and black elsewhere. `progress` is
     called with the share done, `tell` with a sentence for each thing that a recording has lost, and for
@@ -60,12 +76,74 @@ def learn_recordings(
     refuse_taken(out)
     mask = None if ignore is None else read_mask(ignore)
     goldens = [_Golden(path, topic, tell, begun) for path in paths]
+    further = None if executor is None else partial(_shown_elsewhere, executor, goldens, progress)
     with _blamed_on(begun):
-        appearance = learn(goldens, progress, _announced(goldens), ignore=mask)
+        appearance = learn(goldens, progress, _announced(goldens), ignore=mask, showing=further)
     for said in _doubts(appearance, [golden.reader.path for golden in goldens]):
         tell(said)
     write_new(out, appearance.to_bytes())
     return appearance
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What came of a golden recording that was read elsewhere."""
+
+    number: int
+    shown: ShownBy | None
+    losses: tuple[str, ...] = ()
+    error: InspectionError | None = None
+
+
+def _shown_elsewhere(
+    executor: Executor,
+    goldens: Sequence[_Golden],
+    progress: Callable[[float], None] | None,
+    appearance: Appearance,
+    numbers: Sequence[int],
+) -> list[ShownBy]:
+    """Raises what reading them one after the other would raise, and WorkersLost."""
+    things = [(number, goldens[number].reader.path, goldens[number].topic) for number in numbers]
+    seen: dict[int, _Seen] = {}
+    for each in executor.each(_shown_here, things, packed(appearance)):
+        seen[each.number] = each
+        if progress:
+            progress((len(goldens) - len(numbers) + len(seen)) / len(goldens))
+    shown: list[ShownBy] = []
+    for number in numbers:
+        each = seen[number]
+        goldens[number].begin()
+        goldens[number].lost(each.losses)
+        if each.shown is None:
+            raise each.error or LearningError("nothing was learnt")
+        shown.append(each.shown)
+    return shown
+
+
+def _shown_here(golden: tuple[int, Location, str | None], appearance: UInt8[np.ndarray, " bytes"]) -> _Seen:
+    """In a worker. Errors are told by what arrives elsewhere as it was: a kind and a sentence."""
+    number, path, topic = golden
+    try:
+        reader = SweepReader(path, topic=topic)
+        shown = shown_by(unpacked(appearance), reader, number)
+    except NumericError as error:
+        return _Seen(number, None, error=type(error)(str(error)))
+    except InspectionError as error:
+        return _Seen(number, None, error=RecordingError(str(error)))
+    return _Seen(number, shown, reader.losses)
+
+
+def packed(appearance: Appearance) -> UInt8[np.ndarray, " bytes"]:
+    """An appearance for workers elsewhere, who need no file of it; an array is sent once."""
+    return np.frombuffer(appearance.to_bytes(), np.uint8)
+
+
+def unpacked(data: UInt8[np.ndarray, " bytes"]) -> Appearance:
+    """What was packed; read once in each process."""
+    return _of_bytes(data.tobytes())
+
+
+_of_bytes = lru_cache(maxsize=2)(Appearance.from_bytes)
 
 
 def _doubts(appearance: Appearance, paths: Sequence[Location]) -> Iterator[str]:

@@ -164,4 +164,9 @@ def _region(region: Region) -> dict[str, object]:
 
 def write_result(path: Path, record: Mapping[str, object]) -> None:
     """The record as a new JSON file. Raises OutputExists, NotWritten."""
-    write_new(path, json.dumps(record, indent=1, allow_nan=False).encode() + b"\n")
+    write_new(path, json_bytes(record))
+
+
+def json_bytes(record: Mapping[str, object]) -> bytes:
+    """The record as it is in a file."""
+    return json.dumps(record, indent=1, allow_nan=False).encode() + b"\n"

@@ -56,6 +56,9 @@ _SENSOR = 0.5
 """Noise of a thumbnail pixel in grey levels: what averaging leaves of a usual sensor's."""
 _LEFT_OUT = "left_out", "left_out_reached", "left_out_usual"
 """Facts: golden sweeps that were left out, what they reached, and what golden sweeps usually reach."""
+ShownBy = tuple[Shown, Float32[np.ndarray, " n"]]
+Showing = Callable[[Appearance, Sequence[int]], Sequence[ShownBy]]
+"""`shown_by` of the golden sweeps of these numbers, counted from 0, in that order."""
 _FITS = 0.5
 """Share of the places in which a further golden sweep must agree with the reference sweep."""
 
@@ -66,10 +69,13 @@ def learn(
     frames_expected: int | None = None,
     preparation: Preparation | None = None,
     ignore: Bool[np.ndarray, "h w"] | None = None,
+    *,
+    showing: Showing | None = None,
 ) -> Appearance:
     """An appearance from golden sweeps; the first one is the reference.
 
     `ignore` is a don't-care mask over the picture, True where nothing is said, in place of that of `preparation`.
+    `showing` reads the further sweeps elsewhere, several at a time; what is learnt is the same.
 
     From three sweeps on, one that is unlike the others is left out: `facts["left_out"]` tells which, counted from 0,
     `facts["left_out_reached"]` what it reached of the assumed tolerance, and `facts["left_out_usual"]` what the others
@@ -80,7 +86,7 @@ def learn(
     """
     if not sweeps:
         raise LearningError("no golden sweep given; at least one is needed")
-    appearance = _learnt(sweeps, _ticker(progress, frames_expected), preparation, ignore)
+    appearance = _learnt(sweeps, _ticker(progress, frames_expected), preparation, ignore, showing)
     if progress:
         progress(1.0)
     return appearance
@@ -136,6 +142,8 @@ def _learnt(
     tick: Callable[[Iterable[Frame]], Iterator[Frame]],
     preparation: Preparation | None,
     ignore: Bool[np.ndarray, "h w"] | None,
+    showing: Showing | None,
+    *,
     left: tuple[Odd, ...] = (),
 ) -> Appearance:
     """`left` are the sweeps that were left out already, all before these."""
@@ -143,14 +151,18 @@ def _learnt(
     prepared, golden = collect(tick(sweeps[0]), preparation, ignore)
     appearance = _of_one(golden, prepared, preparation, len(sweeps))
     cells = appearance.references.cells
-    each = [_shown(appearance, tick(sweep), f"golden sweep {i}") for i, sweep in enumerate(sweeps[1:], before + 2)]
+    further = range(before + 1, given)
+    if showing is None:
+        each = [shown_by(appearance, tick(sweeps[i - before]), i) for i in further]
+    else:
+        each = showing(appearance, further)
     shown = [maps for maps, _ in each]
     kept = np.ones(len(sweeps), bool)
     peaks = leave_one_out(shown, cells)
     while (worst := odd(peaks, kept)) is not None and kept.sum() - 1 >= given * (1 - _SPOILT):
         left = (*left, replace(worst, sweep=before + worst.sweep))
         if worst.sweep == 0:
-            return _learnt(sweeps[1:], tick, preparation, ignore, left)
+            return _learnt(sweeps[1:], tick, preparation, ignore, showing, left=left)
         kept[worst.sweep] = False
         some = [maps for maps, keep in zip(shown, kept[1:], strict=True) if keep]
         peaks[kept] = leave_one_out(some, cells)
@@ -301,8 +313,16 @@ def _varied(picture: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, float
         yield pair[0], pair[1], 0.1
 
 
-def _shown(appearance: Appearance, frames: Iterable[Frame], name: str) -> tuple[Shown, Float32[np.ndarray, " n"]]:
-    """What a further golden sweep shows at each key place: scores in units of the assumed limits, the highest.
+def shown_by(appearance: Appearance, frames: Iterable[Frame], number: int) -> ShownBy:
+    """What a further golden sweep shows, `number` counted from 0 among all; `showing` has to make it of each.
+
+    Raises LearningError for a sweep that does not fit the reference, PictureError for a picture that does not.
+    """
+    return _shown(appearance, frames, f"golden sweep {number + 1}")
+
+
+def _shown(appearance: Appearance, frames: Iterable[Frame], name: str) -> ShownBy:
+    """What a sweep shows at each key place: scores in units of the assumed limits, the highest.
 
     And the lowest agreement with the reference picture that it reached at each place, 1 where it was not seen. Neither
     depends on what other sweeps showed.

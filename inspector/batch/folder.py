@@ -6,9 +6,7 @@ inspector.errors.WorldError
 
 from __future__ import annotations
 
-import csv
 import fcntl
-import io
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -16,25 +14,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from inspector.batch.tables import TableKind, write_tables
 from inspector.batch.tasks import Outcome, Task, stamp
 from inspector.errors import WorldError
 from inspector.files import NotWritten, write_new
-
-COLUMNS = (
-    "recording",
-    "state",
-    "verdict",
-    "product_id",
-    "part_id",
-    "coverage",
-    "frames_scored",
-    "frames_dropped",
-    "deviations",
-    "peak_score",
-    "peak_s",
-    "digest",
-    "error",
-)
 
 
 class BatchInUse(WorldError):
@@ -97,40 +80,20 @@ class BatchFolder:
         place.unlink(missing_ok=True)
         if outcome.record is not None:
             place.parent.mkdir(parents=True, exist_ok=True)
-            write_new(place, json.dumps(outcome.record, indent=1, allow_nan=False).encode() + b"\n")
-        entry = {"key": self._key, "stamp": outcome.stamp, "row": _row(outcome)}
-        self._rows[outcome.name] = json.loads(json.dumps(entry))
+            write_new(place, outcome.record)
+        line = json.dumps({"key": self._key, "stamp": outcome.stamp, "row": outcome.row})
+        self._rows[outcome.name] = json.loads(line)
         try:
-            self._journal.write(json.dumps(entry) + "\n")
+            self._journal.write(line + "\n")
             self._journal.flush()
         except OSError as error:
             raise NotWritten(self._path / "journal.jsonl", error.strerror or str(error)) from error
 
-    def table(self, names: Sequence[str]) -> Counter[str]:
-        """Write the table of these recordings, and count their verdicts."""
+    def table(self, names: Sequence[str], kind: TableKind = "csv") -> Counter[str]:
+        """Write the tables of these recordings, and count their verdicts. Raises TableMissing, NotWritten."""
         rows = [self._rows[name]["row"] for name in sorted(names) if name in self._rows]
-        text = io.StringIO()
-        writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        place = self._path / "results.csv"
-        place.unlink(missing_ok=True)
-        write_new(place, text.getvalue().encode())
+        write_tables(self._path, kind, rows, lambda name: self._result(name).read_bytes())
         return Counter(row["verdict"] for row in rows if row["verdict"])
 
     def _result(self, name: str) -> Path:
         return self._path / "results" / f"{name}.json"
-
-
-def _row(outcome: Outcome) -> dict[str, Any]:
-    record: Any = outcome.record or {}
-    scored = [frame for frame in record.get("frames", ()) if frame["state"] == "scored"]
-    peak = max(scored, key=lambda frame: frame["score"], default=None)
-    return {name: record.get(name) for name in COLUMNS} | {
-        "recording": outcome.name,
-        "state": "failed" if outcome.error else "done",
-        "deviations": len(record.get("deviations", ())),
-        "peak_score": peak and peak["score"],
-        "peak_s": peak and peak["s"],
-        "error": outcome.error,
-    }

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from inspector.batch.folder import BatchFolder
-from inspector.batch.tasks import By, Outcome, Task, inspected
-from inspector.executors import Executor, WorkersLost
-
-TRIES = 3
-"""How often workers may be lost without anything done meanwhile."""
+from inspector.batch.tables import TableKind
+from inspector.batch.tasks import By, Outcome, Task, failed, inspected
+from inspector.executors import Executor
 
 
 @dataclass(frozen=True)
@@ -48,7 +45,9 @@ def run_batch(
     by: By,
     executor: Executor,
     out: Path,
+    *,
     tell: Callable[[Counted], object] = lambda counted: None,
+    table: TableKind = "csv",
 ) -> Batch:
     """Inspect every recording and keep its result in the folder `out`; `tell` is called after each.
 
@@ -56,30 +55,19 @@ def run_batch(
     NotWritten; what is done by then is kept.
     """
     with BatchFolder(out, by.key) as folder:
-        todo = {task.name: task for task in tasks if not folder.has(task)}
+        todo = [task for task in tasks if not folder.has(task)]
         counted = Counted(len(tasks), len(tasks) - len(todo), 0, 0)
-        failed: dict[str, str] = {}
+        wrong: dict[str, str] = {}
         tell(counted)
-        tries = 0
-        while todo:
-            before = len(todo)
-            try:
-                for outcome in executor.each(partial(inspected, by=by), list(todo.values())):
-                    folder.keep(outcome)
-                    del todo[outcome.name]
-                    counted = _more(counted, outcome)
-                    tell(counted)
-                    if outcome.error is not None:
-                        failed[outcome.name] = outcome.error
-            except WorkersLost:
-                # What a worker had in work when it died is done by another.
-                tries = tries + 1 if len(todo) == before else 0
-                if tries == TRIES:
-                    raise
-        names = [task.name for task in tasks]
-        return Batch(counted, folder.table(names), tuple(sorted(failed.items())))
+        for outcome in executor.each(inspected, todo, by, lost=failed):
+            folder.keep(outcome)
+            counted = _more(counted, outcome)
+            tell(counted)
+            if outcome.record is None:
+                wrong[outcome.name] = str(outcome.row["error"])
+        return Batch(counted, folder.table([task.name for task in tasks], table), tuple(sorted(wrong.items())))
 
 
 def _more(counted: Counted, outcome: Outcome) -> Counted:
-    done = outcome.error is None
+    done = outcome.record is not None
     return Counted(counted.recordings, counted.skipped, counted.done + done, counted.failed + (not done))

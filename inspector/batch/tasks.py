@@ -13,20 +13,39 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 from uuid import NAMESPACE_URL, uuid5
-
-import cv2
-from threadpoolctl import threadpool_limits
 
 from inspector.errors import WorldError
 from inspector.learner import load_appearance
 from inspector.recording import SweepReader
 from inspector.replay import replay
-from inspector.result_json import result_record
+from inspector.result_json import json_bytes, result_record
 from models.appearance import Appearance
 from models.errors import AppearanceError, InspectionError
 from models.limits import promise
 from models.verdict import Policy
+
+COLUMNS = {
+    "recording": str,
+    "state": str,
+    "verdict": str,
+    "product_id": str,
+    "part_id": str,
+    "coverage": float,
+    "frames_scored": int,
+    "frames_dropped": int,
+    "deviations": int,
+    "peak_score": float,
+    "peak_s": float,
+    "digest": str,
+    "error": str,
+}
+"""Of the table of all recordings; what is not known is None."""
+Stamp = tuple[int, int]
+Row = dict[str, Any]
+"""Values of the columns."""
+Record = dict[str, Any]
 
 
 class NothingThere(WorldError):
@@ -75,10 +94,12 @@ class Outcome:
     """What became of a recording: its record, or why there is none."""
 
     name: str
-    record: dict[str, object] | None
-    stamp: tuple[int, int] | None = None
-    """Size and time of change of the recording when it was read: what tells that it is another one now."""
-    error: str | None = None
+    row: Row
+    """For the table."""
+    stamp: Stamp | None = None
+    """Of the recording when it was read."""
+    record: bytes | None = None
+    """JSON, as `replay` writes it: made where the work is done, which is many times more hands than keep it."""
 
 
 def find_recordings(places: Sequence[Path]) -> list[Task]:
@@ -97,34 +118,49 @@ def find_recordings(places: Sequence[Path]) -> list[Task]:
     return [found[name] for name in sorted(found)]
 
 
-def stamp(path: Path) -> tuple[int, int]:
-    """Size and time of change of a file. Raises OSError."""
+def stamp(path: Path) -> Stamp:
+    """What tells that it is another recording now: size and time of change of the file. Raises OSError."""
     facts = path.stat()
     return facts.st_size, facts.st_mtime_ns
 
 
 def inspected(task: Task, by: By) -> Outcome:
     """Do it, here. Whatever is wrong with the recording becomes the outcome's error."""
-    cv2.setNumThreads(1)
     at = None
     try:
         at = stamp(task.path)
-        # More threads may change last bits, and with them the digest.
-        with threadpool_limits(1):
-            return Outcome(task.name, _record(task, by), at)
+        record = _record(task, by)
     except InspectionError as error:
-        return Outcome(task.name, None, at, str(error))
+        return failed(task, str(error), at)
     except OSError as error:
-        return Outcome(task.name, None, at, f"{task.path}: {error.strerror or error}")
+        return failed(task, f"{task.path}: {error.strerror or error}", at)
+    return Outcome(task.name, _row(task.name, record), at, json_bytes(record))
 
 
-def _record(task: Task, by: By) -> dict[str, object]:
+def failed(task: Task, why: str, at: Stamp | None = None) -> Outcome:
+    """The outcome of a recording that no inspection could be made of."""
+    return Outcome(task.name, dict.fromkeys(COLUMNS) | {"recording": task.name, "state": "failed", "error": why}, at)
+
+
+def _record(task: Task, by: By) -> Record:
     appearance = _appearance(by.appearance, by.appearance_id)
     replayed = replay(SweepReader(task.path, topic=by.topic), appearance, by.policy)
     promised = promise(appearance.peaks, by.policy.false_rejects)
     name = str(uuid5(NAMESPACE_URL, f"{task.name} {by.key} {replayed.result.digest}"))
     record = result_record(replayed.result, replayed.facts, is_simulated=True, promise=promised, result_id=name)
     return record | {"recording": task.name, "losses": list(replayed.losses)}
+
+
+def _row(name: str, record: Record) -> Row:
+    scored = [frame for frame in record["frames"] if frame["state"] == "scored"]
+    peak = max(scored, key=lambda frame: frame["score"], default=None)
+    return {column: record.get(column) for column in COLUMNS} | {
+        "recording": name,
+        "state": "done",
+        "deviations": len(record["deviations"]),
+        "peak_score": peak and peak["score"],
+        "peak_s": peak and peak["s"],
+    }
 
 
 @lru_cache(maxsize=2)

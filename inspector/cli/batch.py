@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from inspector.cli.terminal import counting, false_reject_target, warn
+from inspector.cli.options import EXECUTORS, FalseRejectsOption, PolicyOption, TopicOption, judging
+from inspector.cli.terminal import counting, warn
 
 if TYPE_CHECKING:
     from inspector.batch import Batch
@@ -19,33 +19,25 @@ def batch(
     *,
     appearance: Annotated[Path, typer.Option(metavar="PART.appearance", help="What `learn` wrote.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for results; what is there is not done again.")],
-    executor: Annotated[
-        str, typer.Option(metavar="URL", help="serial, processes, processes:4, dask://host:8786, ray://auto")
-    ] = "processes",
-    policy: Annotated[
-        Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
-    ] = None,
-    false_rejects: Annotated[
-        float | None,
-        typer.Option(
-            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.02."
-        ),
-    ] = None,
-    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+    executor: Annotated[str, typer.Option(metavar="URL", help=f"Where it is done: {EXECUTORS}")] = "processes",
+    table: Annotated[
+        Literal["csv", "parquet"],
+        typer.Option(help="results.csv; or results.parquet, and frames.parquet with a row for each frame."),
+    ] = "csv",
+    policy: PolicyOption = None,
+    false_rejects: FalseRejectsOption = None,
+    topic: TopicOption = None,
 ) -> None:
     """Inspect many recordings. One that cannot be read is named, and the rest goes on; begun again, it goes on.
 
     Example: inspector batch archive --appearance board.appearance --out by-version-7 --executor processes
     """
-    from inspector.batch import By, Counted, find_recordings, run_batch
+    from inspector.batch import By, Counted, find_recordings, refuse_missing, run_batch
     from inspector.executors import open_executor
     from inspector.learner import load_appearance
-    from inspector.policies import read_policy
-    from models.verdict import Policy
 
-    settings = read_policy(policy) if policy else Policy()
-    if false_rejects is not None:
-        settings = replace(settings, false_rejects=false_rejects)
+    refuse_missing(table)
+    settings = judging(policy, false_rejects)
     tasks = find_recordings(recordings)
     by = By(appearance.absolute(), load_appearance(appearance).id, settings, topic)
     with open_executor(executor) as workers, counting("inspecting", len(tasks)) as tell:
@@ -53,13 +45,13 @@ def batch(
         def told(counted: Counted) -> None:
             tell(counted.recordings - counted.left, f"{counted.failed} failed" if counted.failed else "")
 
-        done = run_batch(tasks, by, workers, out, told)
-    _print(done, out)
+        done = run_batch(tasks, by, workers, out, tell=told, table=table)
+    _print(done, out / f"results.{table}")
     if done.failed:
         raise typer.Exit(1)
 
 
-def _print(batch: Batch, out: Path) -> None:
+def _print(batch: Batch, table: Path) -> None:
     counted = batch.counted
     for name, why in batch.failed:
         warn(f"{name}: {why}")
@@ -68,4 +60,4 @@ def _print(batch: Batch, out: Path) -> None:
     not_read = f"; {counted.failed} could not be" if counted.failed else ""
     count = counted.done + counted.skipped
     print(f"{count} recording{'' if count == 1 else 's'} inspected{before}: {verdicts or 'none'}{not_read}")
-    print(f"{out / 'results.csv'}")
+    print(f"{table}")

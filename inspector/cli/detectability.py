@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from inspector.cli.options import TopicOption
 from inspector.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def detectability(
     contrast: Annotated[
         list[float] | None, typer.Option(metavar="LEVELS", help="Of 255 grey levels; may be repeated. 30, 60, 120.")
     ] = None,
-    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+    topic: TopicOption = None,
     fine: Annotated[bool, typer.Option("--fine", help="Twice as many places each way: four times as long.")] = False,
 ) -> None:
     """Put synthetic defects on a good part, inspect it, and tell the smallest ones that are caught, along s and over

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import false_reject_target, progress, warn
+from inspector.cli.options import EXECUTORS, FalseRejectsOption, PolicyOption, TopicOption, elsewhere, judging
+from inspector.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
     from inspector.evaluation.labelled_set import LabelledSet
     from inspector.evaluation.running import Run
+    from inspector.executors import Executor
     from models.appearance import Appearance
 
 
@@ -22,22 +23,18 @@ def evaluate(
     appearance: Annotated[
         Path | None, typer.Option(metavar="PART.appearance", help="Take this one, and do not learn from golden*.mcap.")
     ] = None,
-    policy: Annotated[
-        Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
-    ] = None,
-    false_rejects: Annotated[
-        float | None,
-        typer.Option(
-            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.02."
-        ),
-    ] = None,
+    policy: PolicyOption = None,
+    false_rejects: FalseRejectsOption = None,
     baseline: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Compare with another appearance, another policy, or an earlier OUT.json."),
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="OUT.json", help="New file for every figure.")] = None,
     html: Annotated[Path | None, typer.Option(metavar="OUT.html", help="New file for one page with pictures.")] = None,
-    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+    topic: TopicOption = None,
+    executor: Annotated[
+        str, typer.Option(metavar="URL", help=f"Where it is learnt and inspected: {EXECUTORS}")
+    ] = "serial",
 ) -> None:
     """Learn, inspect and count a labelled set: false rejects, escapes, what was found, the worst cases.
 
@@ -53,8 +50,6 @@ def evaluate(
     from inspector.evaluation.running import run
     from inspector.evaluation.summary import lines
     from inspector.files import refuse_taken, write_new
-    from inspector.policies import read_policy
-    from models.verdict import Policy
 
     if json is not None and json == html:
         raise typer.BadParameter(f"--json and --html both name {json}; allowed are two files")
@@ -62,17 +57,16 @@ def evaluate(
         if out is not None:
             refuse_taken(out)
     labelled = read_set(folder, learns=appearance is None)
-    thresholds = read_policy(policy) if policy else Policy()
-    if false_rejects is not None:
-        thresholds = replace(thresholds, false_rejects=false_rejects)
+    thresholds = judging(policy, false_rejects)
     source = read_baseline(baseline) if baseline else None
-    learnt = _appearance(labelled, appearance, topic)
-    with progress("inspecting") as share:
-        now = run(labelled.parts, learnt, thresholds, share, topic=topic)
-    beside = None
-    if baseline is not None and source is not None:
-        with progress("comparing") as share:
-            beside = compared(baseline, source, now, labelled.parts, share, topic=topic)
+    with elsewhere(executor) as workers:
+        learnt = _appearance(labelled, appearance, topic, workers)
+        with progress("inspecting") as share:
+            now = run(labelled.parts, learnt, thresholds, share, topic=topic, executor=workers)
+        beside = None
+        if baseline is not None and source is not None:
+            with progress("comparing") as share:
+                beside = compared(baseline, source, now, labelled.parts, share, topic=topic, executor=workers)
     evaluation = Evaluation(labelled, now, appearance is None, datetime.now(UTC), beside)
     if json is not None:
         write_new(json, dumps(evaluation_record(evaluation), indent=1, allow_nan=False).encode() + b"\n")
@@ -85,7 +79,7 @@ def evaluate(
         raise typer.Exit(1)
 
 
-def _appearance(labelled: LabelledSet, given: Path | None, topic: str | None) -> Appearance:
+def _appearance(labelled: LabelledSet, given: Path | None, topic: str | None, executor: Executor | None) -> Appearance:
     """The one that was given, or what the golden sweeps teach."""
     from tempfile import TemporaryDirectory
 
@@ -94,7 +88,9 @@ def _appearance(labelled: LabelledSet, given: Path | None, topic: str | None) ->
     if given is not None:
         return load_appearance(given)
     with TemporaryDirectory() as folder, progress("learning") as share:
-        return learn_recordings(labelled.golden, Path(folder) / "learnt", share, topic=topic, tell=warn)
+        return learn_recordings(
+            labelled.golden, Path(folder) / "learnt", share, topic=topic, tell=warn, executor=executor
+        )
 
 
 def _warn(run: Run) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from inspector.cli.options import EXECUTORS, TopicOption, elsewhere
 from inspector.cli.terminal import progress, warn
 
 
@@ -23,7 +24,10 @@ def learn(
     ignore: Annotated[
         Path | None, typer.Option(metavar="MASK.png", help="A picture of that size, white where not to look.")
     ] = None,
-    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where a recording has several.")] = None,
+    topic: TopicOption = None,
+    executor: Annotated[
+        str, typer.Option(metavar="URL", help=f"Where all sweeps but the first are read: {EXECUTORS}")
+    ] = "serial",
 ) -> None:
     """Learn how a good part looks, from one golden sweep or several, or add confirmed-good ones to what was learnt.
 
@@ -39,11 +43,13 @@ def learn(
         raise typer.BadParameter("--add and --to belong together; allowed is both or neither")
     if add and ignore is not None:
         raise typer.BadParameter("--ignore goes not with --add; the mask of the old appearance is kept")
-    with progress("learning") as share:
+    if add and executor != "serial":
+        raise typer.BadParameter(f"--executor {executor} goes not with --add; sweeps are added one after the other")
+    with elsewhere(executor) as workers, progress("learning") as share:
         if to is not None:
             appearance = add_recordings(golden, to, out, share, topic=topic, tell=warn)
         else:
-            appearance = learn_recordings(golden, out, share, topic=topic, ignore=ignore, tell=warn)
+            appearance = learn_recordings(golden, out, share, topic=topic, ignore=ignore, tell=warn, executor=workers)
     width, height = appearance.size
     sweeps = "one golden sweep" if appearance.facts["sweeps"] == "1" else f"{appearance.facts['sweeps']} golden sweeps"
     print(f"{out}: {appearance.places} places of {width}x{height} pixels, from {sweeps}")

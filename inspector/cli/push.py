@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from inspector.cli.options import TopicOption
 from inspector.cli.replay import NOT_OK
 from inspector.cli.terminal import progress, warn
 
@@ -32,7 +33,7 @@ def push(
     token: Annotated[
         str | None, typer.Option(envvar="INSPECTOR_TOKEN", metavar="TOKEN", help="Where the service asks for one.")
     ] = None,
-    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+    topic: TopicOption = None,
     fail_on_ng: Annotated[bool, typer.Option("--fail-on-ng", help="Exit 3 on a verdict other than OK.")] = False,
 ) -> None:
     """Stream a recording to a service and print its verdict. Ctrl-C aborts the inspection.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from inspector.cli.terminal import false_reject_target, progress, warn
+from inspector.cli.options import FalseRejectsOption, PolicyOption, TopicOption, judging
+from inspector.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
     from inspector.recording import SweepReader
@@ -32,22 +32,15 @@ def replay(
     filmstrip: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for a picture per deviation: expected, seen, difference.")
     ] = None,
-    policy: Annotated[
-        Path | None, typer.Option(metavar="POLICY.json", help='Thresholds other than usual: {"sensitivity": 1.2}')
-    ] = None,
-    false_rejects: Annotated[
-        float | None,
-        typer.Option(
-            parser=false_reject_target, metavar="SHARE", help="Share of good parts that may be NG; usually 0.02."
-        ),
-    ] = None,
+    policy: PolicyOption = None,
+    false_rejects: FalseRejectsOption = None,
     other: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="[NAME=]OTHER.appearance", help="Another part, to be named where this is one; may be repeated."
         ),
     ] = None,
-    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where there are several.")] = None,
+    topic: TopicOption = None,
     fail_on_ng: Annotated[bool, typer.Option("--fail-on-ng", help="Exit 3 on a verdict other than OK.")] = False,
 ) -> None:
     """Inspect a recording. The same recording, appearance and policy give the same digest.
@@ -58,19 +51,16 @@ def replay(
     from inspector.filmstrip import refuse_strips
     from inspector.learner import load_appearance
     from inspector.others import Others
-    from inspector.policies import read_policy
     from inspector.recording import SweepReader
     from inspector.result_json import write_result
-    from models.verdict import Judgement, Policy
+    from models.verdict import Judgement
 
     for out in (json, mcap):
         if out is not None:
             refuse_taken(out)
     if filmstrip is not None:
         refuse_strips(filmstrip, sweep.stem)
-    settings = read_policy(policy) if policy else Policy()
-    if false_rejects is not None:
-        settings = replace(settings, false_rejects=false_rejects)
+    settings = judging(policy, false_rejects)
     recording, learnt = SweepReader(sweep, topic=topic), load_appearance(appearance)
     others = Others().of(_named(other or []))
     replayed = _replayed(recording, learnt, settings, mcap, others)

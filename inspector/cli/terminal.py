@@ -31,17 +31,6 @@ def duration(text: str) -> float:
     raise typer.BadParameter(f"{text!r} is not allowed; allowed is a number above 0")
 
 
-def false_reject_target(text: str) -> float:
-    """Reads an option: which share of the good parts may be refused."""
-    from models.verdict import ALLOWED
-
-    low, high = ALLOWED["false_rejects"]
-    with suppress(ValueError):
-        if low <= float(text) <= high:
-            return float(text)
-    raise typer.BadParameter(f"{text!r} is not allowed; allowed is a share of the good parts from {low} to {high}")
-
-
 def warn(said: str) -> None:
     """A line that is no error."""
     print(f"inspector: warning: {said}", file=sys.stderr)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from inspector.cli.options import TopicOption
 from inspector.cli.terminal import count, duration, progress, status, stopped_by_signals, warn
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def track(
     seconds: Annotated[
         float | None, typer.Option(parser=duration, metavar="N", help="Stop after so many seconds, by the frames.")
     ] = None,
-    topic: Annotated[str | None, typer.Option(help="The topic of the pictures, where a recording has several.")] = None,
+    topic: TopicOption = None,
     simulate: Annotated[
         str | None, typer.Option(metavar="circle|path", help="A hand follows the simulated part on such a course.")
     ] = None,

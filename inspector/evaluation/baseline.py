@@ -18,6 +18,7 @@ from inspector.errors import WorldError
 from inspector.evaluation.labelled_set import Part
 from inspector.evaluation.part_records import PartInFile
 from inspector.evaluation.running import Failed, Run, run
+from inspector.executors import Executor
 from inspector.learner import load_appearance
 from inspector.policies import read_policy
 from models.appearance import MAGIC, Appearance
@@ -99,6 +100,7 @@ def compared(
     progress: Callable[[float], object] = lambda share: None,
     *,
     topic: str | None = None,
+    executor: Executor | None = None,
 ) -> Compared:
     """Now beside the baseline, which is run over the same parts unless it is an earlier evaluation.
 
@@ -109,7 +111,7 @@ def compared(
         return _beside_earlier(path, source, now)
     other = isinstance(source, Appearance)
     appearance, policy = (source, now.policy) if isinstance(source, Appearance) else (now.appearance, source)
-    before = run(parts, appearance, policy, progress, topic=topic)
+    before = run(parts, appearance, policy, progress, topic=topic, executor=executor)
     comparison = compare(before.outcomes, now.outcomes)
     if not comparison.parts:
         why = before.failed[0].why if before.failed else now.failed[0].why

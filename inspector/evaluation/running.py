@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import UInt8
+
 from inspector.errors import NotARecording
 from inspector.evaluation.labelled_set import Part
+from inspector.executors import Executor
 from inspector.filmstrip import filmstrips, peak_of
+from inspector.learner import packed, unpacked
 from inspector.pictures import encode_jpeg
 from inspector.recording import SweepReader, count_frames
-from inspector.replay import replay
+from inspector.replay import OnScored, replay
 from inspector.result_json import number
 from models.appearance import Appearance
 from models.errors import InspectionError
@@ -85,22 +90,65 @@ def run(
     progress: Callable[[float], object] = lambda share: None,
     *,
     topic: str | None = None,
+    executor: Executor | None = None,
 ) -> Run:
-    """Inspect every part. One that cannot be read is kept in `failed`, and the rest goes on."""
+    """Inspect every part, with an executor several at a time. One that cannot be read is kept in `failed`, and the
+    rest goes on. Raises WorkersLost.
+    """
     inspected: list[Inspected] = []
     failed: list[Failed] = []
     results: dict[str, Result] = {}
-    for count, part in enumerate(parts):
-        try:
-            now, result = _inspected(part, appearance, policy, _share_of(progress, count, len(parts), part.path), topic)
-        except InspectionError as error:
-            failed.append(Failed(part.name, part.label, str(error)))
+    for count, became in enumerate(
+        _became(parts, appearance, policy, progress, topic=topic, executor=executor), start=1
+    ):
+        if isinstance(became, Failed):
+            failed.append(became)
         else:
+            now, result = became
             inspected.append(now)
-            results[part.name] = result
+            results[now.outcome.name] = result
             results = _kept(results, [each.outcome for each in inspected])
-        progress((count + 1) / len(parts))
+        progress(count / len(parts))
+    order = {(part.name, part.label): place for place, part in enumerate(parts)}
+    inspected.sort(key=lambda each: order[each.outcome.name, each.outcome.label])
+    failed.sort(key=lambda each: order[each.name, each.label])
     return Run(appearance, policy, tuple(inspected), tuple(failed), results)
+
+
+def _became(
+    parts: Sequence[Part],
+    appearance: Appearance,
+    policy: Policy,
+    progress: Callable[[float], object],
+    *,
+    topic: str | None,
+    executor: Executor | None,
+) -> Iterator[tuple[Inspected, Result] | Failed]:
+    """What became of the parts, in the order in which they are done."""
+    if executor is not None:
+        yield from executor.each(_elsewhere, parts, packed(appearance), policy, topic, lost=_lost)
+        return
+    for count, part in enumerate(parts):
+        yield _tried(part, appearance, policy, _share_of(progress, count, len(parts), part.path), topic)
+
+
+def _elsewhere(
+    part: Part, appearance: UInt8[np.ndarray, " bytes"], policy: Policy, topic: str | None
+) -> tuple[Inspected, Result] | Failed:
+    return _tried(part, unpacked(appearance), policy, lambda frame, scored: None, topic)
+
+
+def _tried(
+    part: Part, appearance: Appearance, policy: Policy, on_scored: OnScored, topic: str | None
+) -> tuple[Inspected, Result] | Failed:
+    try:
+        return _inspected(part, appearance, policy, on_scored, topic)
+    except InspectionError as error:
+        return _lost(part, str(error))
+
+
+def _lost(part: Part, why: str) -> Failed:
+    return Failed(part.name, part.label, why)
 
 
 def _kept(results: Mapping[str, Result], outcomes: Sequence[Outcome]) -> dict[str, Result]:
@@ -109,9 +157,7 @@ def _kept(results: Mapping[str, Result], outcomes: Sequence[Outcome]) -> dict[st
     return {name: result for name, result in results.items() if name in names}
 
 
-def _share_of(
-    progress: Callable[[float], object], before: int, parts: int, path: Path
-) -> Callable[[Frame, ScoredFrame], object]:
+def _share_of(progress: Callable[[float], object], before: int, parts: int, path: Path) -> OnScored:
     total = count_frames(path)
 
     def tell(frame: Frame, scored: ScoredFrame) -> None:
@@ -125,7 +171,7 @@ def _inspected(
     part: Part,
     appearance: Appearance,
     policy: Policy,
-    on_scored: Callable[[Frame, ScoredFrame], object],
+    on_scored: OnScored,
     topic: str | None,
 ) -> tuple[Inspected, Result]:
     recording = SweepReader(part.path, topic=topic)

@@ -175,6 +175,12 @@ REFUSED = {
         2,
         "--ignore goes not with --add",
     ),
+    "workers to add": (
+        ["learn", "--add", "{good}", "--to", "{file}", "--executor", "processes", "--out", "{tmp}/a"],
+        2,
+        "--executor processes goes not with --add",
+    ),
+    "an executor": (["learn", "{good}", "--executor", "bogus", "--out", "{tmp}/a"], 1, "'bogus' is no executor"),
     "an appearance": (["replay", "{good}", "--appearance", "{good}"], 1, "good.mcap: not an appearance"),
     "a sweep": (["replay", "{file}", "--appearance", "{file}"], 1, "no MCAP"),
     "a topic": (["replay", "{good}", "--appearance", "{file}", "--topic", "/x"], 1, "allowed is /camera/image"),

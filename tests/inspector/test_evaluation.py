@@ -92,6 +92,14 @@ def a_set(folder: Path, line: Line, **parts: Path) -> Path:
     return folder
 
 
+def test_several_processes_count_the_same(evaluated: Evaluated, tmp_path: Path) -> None:
+    command = ["evaluate", str(evaluated.folder), "--json", str(tmp_path / "e.json"), "--executor", "processes:2"]
+    assert run(command) == 0
+    record = json.loads((tmp_path / "e.json").read_text())
+    assert record.pop("made") != (before := dict(evaluated.record)).pop("made")
+    assert record == before
+
+
 def test_what_was_evaluated_is_said(evaluated: Evaluated, line: Line) -> None:
     found = evaluated.record
     assert (found["kind"], found["folder"], found["golden"]) == (

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from inspector.batch import Batch, By, Counted, find_recordings, run_batch
 from inspector.batch.folder import BatchFolder, BatchInUse
-from inspector.batch.tasks import NamedAlike, NothingThere, Task
-from inspector.executors import Executor, ExecutorRefused, UnknownExecutor, WorkersLost, open_executor
+from inspector.batch.tasks import NamedAlike, NothingThere, Outcome, Task
+from inspector.executors import Executor, ExecutorRefused, UnknownExecutor, WorkersLost, _Died, open_executor
+from inspector.learner import learn_recordings
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from models.verdict import Policy
+from tests.clusters import ENGINES
 from tests.inspector.conftest import Line
 from tests.inspector.line import cut
 
@@ -62,7 +59,7 @@ def made(out: Path) -> dict[str, bytes]:
 def test_each_result_is_that_of_a_replay_and_what_cannot_be_read_is_named(archive: Path, line: Line, tmp_path: Path):
     told: list[Counted] = []
     with open_executor("serial") as workers:
-        batch = run_batch(find_recordings([archive]), by(line), workers, tmp_path / "out", told.append)
+        batch = run_batch(find_recordings([archive]), by(line), workers, tmp_path / "out", tell=told.append)
     assert batch.counted == told[-1] == Counted(4, 0, 3, 1)
     assert [each.left for each in told] == [4, 3, 2, 1, 0]
     assert batch.verdicts == {"OK": 2, "NG": 1}
@@ -108,7 +105,7 @@ def test_it_goes_on_where_it_was_cut_off(archive: Path, line: Line, tmp_path: Pa
     out, tasks = tmp_path / "out", find_recordings([archive])
     with open_executor("serial") as workers:
         with pytest.raises(Stopped):
-            run_batch(tasks, by(line), workers, out, stop)
+            run_batch(tasks, by(line), workers, out, tell=stop)
         with (out / "journal.jsonl").open("a") as journal:
             journal.write('{"key": "cut off in the mid')
         batch = run_batch(tasks, by(line), workers, out)
@@ -117,62 +114,49 @@ def test_it_goes_on_where_it_was_cut_off(archive: Path, line: Line, tmp_path: Pa
     assert made(out) == made(tmp_path / "at once")
 
 
-def test_processes_make_the_same_bytes(archive: Path, line: Line, tmp_path: Path):
-    run(archive, line, tmp_path / "one", "serial")
-    run(archive, line, tmp_path / "two", "processes:2")
-    assert made(tmp_path / "one") == made(tmp_path / "two")
+class Killing(Executor):
+    """Kills the worker that has the recording with the spot in work, the first time."""
+
+    def __init__(self, workers: Executor, marks: Path) -> None:
+        self._workers, self._marks = workers, marks
+
+    def each(self, work, things, *shared, lost=None):  # type: ignore[no-untyped-def]
+        return self._workers.each(killed_once, things, self._marks, work, *shared, lost=lost)
 
 
-@contextmanager
-def dask() -> Iterator[str]:
-    """A Dask cluster: a scheduler and two workers, processes of this machine."""
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        yield cluster.scheduler_address.replace("tcp:", "dask:")
-
-
-@contextmanager
-def ray() -> Iterator[str]:
-    """A Ray cluster of this machine."""
-    ray = str(Path(sys.executable).parent / "ray")
-    options = ("--head", "--num-cpus=2", "--include-dashboard=false", "--disable-usage-stats", "--port=0")
-    subprocess.run([ray, "start", *options], check=True, capture_output=True, timeout=120)
-    try:
-        yield "ray://auto"
-    finally:
-        subprocess.run([ray, "stop", "--force"], check=True, capture_output=True, timeout=60)
-
-
-@pytest.mark.parametrize(("engine", "start"), [("distributed", dask), ("ray", ray)])
-@pytest.mark.filterwarnings("default")
-def test_clusters_make_the_same_bytes(engine: str, start: object, archive: Path, line: Line, tmp_path: Path):
-    if importlib.util.find_spec(engine) is None:
-        pytest.skip(f"{engine} is not installed")
-    assert callable(start)
-    run(archive, line, tmp_path / "one", "serial")
-    with start() as url:
-        run(archive, line, tmp_path / "cluster", url)
-    assert made(tmp_path / "one") == made(tmp_path / "cluster")
-
-
-def kill_once(marks: Path, number: int) -> int:
-    """A worker that dies at 3, the first time."""
-    if number == 3 and not (marks / "died").exists():
+def killed_once(task: Task, marks: Path, work: Callable[..., Outcome], by: By) -> Outcome:
+    if task.name == "b/spot" and not (marks / "died").exists():
         (marks / "died").touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return number
+    return work(task, by)
 
 
-def test_a_killed_worker_is_told_and_what_is_done_is_kept(tmp_path: Path):
-    done: list[int] = []
-    with open_executor("processes:2") as workers:
-        with pytest.raises(WorkersLost, match="processes:2"):
-            done.extend(workers.each(partial(kill_once, tmp_path), range(40)))
-        left = [number for number in range(40) if number not in done]
-        assert 3 in left
-        done.extend(workers.each(partial(kill_once, tmp_path), left))
-    assert sorted(done) == list(range(40))
+@pytest.fixture(scope="module", params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> Iterator[str]:
+    with ENGINES[request.param]() as url:
+        yield url
+
+
+@pytest.mark.filterwarnings("default")
+def test_every_engine_makes_the_same_bytes_even_where_a_worker_is_killed(
+    engine: str, archive: Path, line: Line, tmp_path: Path
+):
+    run(archive, line, tmp_path / "one", "serial")
+    with open_executor(engine) as workers:
+        run_batch(find_recordings([archive]), by(line), workers, tmp_path / "two")
+        batch = run_batch(find_recordings([archive]), by(line), Killing(workers, tmp_path), tmp_path / "killed")
+    assert (tmp_path / "died").exists()
+    assert (batch.counted, [name for name, _ in batch.failed]) == (Counted(4, 0, 3, 1), [CORRUPT])
+    assert made(tmp_path / "one") == made(tmp_path / "two") == made(tmp_path / "killed")
+
+
+@pytest.mark.filterwarnings("default")
+def test_every_engine_learns_the_same_bytes(engine: str, line: Line, tmp_path: Path):
+    golden = (*line.golden, line.good)
+    learn_recordings(golden, tmp_path / "one")
+    with open_executor(engine) as workers:
+        learn_recordings(golden, tmp_path / "two", executor=workers)
+    assert (tmp_path / "two").read_bytes() == (tmp_path / "one").read_bytes()
 
 
 class Dying(Executor):
@@ -182,9 +166,9 @@ class Dying(Executor):
         super().__init__("dying", 1, None)
         self._after = after
 
-    def each(self, work, things):  # type: ignore[no-untyped-def]
-        yield from map(work, things[: self._after])
-        raise WorkersLost("dying: workers were lost")
+    def _once(self, work, numbered, shared):  # type: ignore[no-untyped-def]
+        yield from super()._once(work, numbered[: self._after], shared)
+        raise _Died("killed")
 
 
 def test_a_batch_changes_nothing_but_its_time_where_workers_die(archive: Path, line: Line, tmp_path: Path):
@@ -193,8 +177,54 @@ def test_a_batch_changes_nothing_but_its_time_where_workers_die(archive: Path, l
     assert batch.counted == Counted(4, 0, 3, 1)
     run(archive, line, tmp_path / "one")
     assert made(tmp_path / "out") == made(tmp_path / "one")
-    with pytest.raises(WorkersLost):
+    with pytest.raises(WorkersLost, match="dying"):
         run_batch(tasks, by(line), Dying(after=0), tmp_path / "none")
+
+
+def deadly(task: Task, marks: Path, work: Callable[..., Outcome], by: By) -> Outcome:
+    if task.name == "a/good":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if task.name == "a/good-again":
+        raise ValueError("a mistake of this program")
+    return work(task, by)
+
+
+def test_a_recording_that_kills_every_worker_is_named_and_stops_nothing(
+    archive: Path, line: Line, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(f"{__name__}.killed_once", deadly)
+    with open_executor("processes:2") as workers:
+        batch = run_batch(find_recordings([archive]), by(line), Killing(workers, tmp_path), tmp_path / "out")
+    assert (batch.counted, batch.verdicts) == (Counted(4, 0, 1, 3), {"NG": 1})
+    why = dict(batch.failed)
+    assert "every worker that takes it dies" in why["a/good"]
+    assert why["a/good-again"] == "ValueError: a mistake of this program"
+
+
+def test_tables_are_parquet_where_that_is_asked_for(archive: Path, line: Line, tmp_path: Path):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    with open_executor("serial") as workers:
+        for name in ("out", "again"):
+            run_batch(find_recordings([archive]), by(line), workers, tmp_path / name, table="parquet")
+            # What is done already is in the tables, too.
+            run_batch(find_recordings([archive]), by(line), workers, tmp_path / name, table="parquet")
+    out = tmp_path / "out"
+    rows = parquet.read_table(out / "results.parquet").to_pylist()
+    assert [(row["recording"], row["state"], row["verdict"]) for row in rows] == [
+        ("a/good", "done", "OK"),
+        ("a/good-again", "done", "OK"),
+        (CORRUPT, "failed", None),
+        ("b/spot", "done", "NG"),
+    ]
+    frames = parquet.read_table(out / "frames.parquet").to_pylist()
+    results = {name: json.loads((out / "results" / f"{name}.json").read_bytes()) for name in WHOLE}
+    assert len(frames) == sum(len(result["frames"]) for result in results.values())
+    spot = [frame for frame in frames if frame["recording"] == "b/spot"]
+    told = [frame | frame.pop("residuals") for frame in results["b/spot"]["frames"]]
+    assert spot == [{"recording": "b/spot"} | frame for frame in told]
+    for name in ("results.parquet", "frames.parquet"):
+        assert (out / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+    assert not (out / "results.csv").exists()
 
 
 def test_recordings_are_named_by_their_place_in_the_folder(archive: Path):
@@ -225,7 +255,8 @@ def test_what_is_no_executor_is_refused_with_what_is(url: str):
         pass
 
 
-def test_a_cluster_that_is_not_there_is_named():
+def test_a_cluster_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("distributed", reason="distributed is not installed")
+    monkeypatch.setattr("inspector.executors._PATIENCE", 1)
     with pytest.raises(ExecutorRefused, match="nobody"), open_executor("dask://nobody.invalid:1"):
         pass
