@@ -6,6 +6,7 @@ InspectionError                  root of everything this project raises on purpo
 │   ├── LearningError            golden sweeps that cannot be learnt from
 │   │   └── SweepsDiffer         golden sweeps some of which must be wrong
 │   ├── AppearanceError          a learnt file that cannot be trusted
+│   ├── CheckpointError          a kept inspection that cannot be gone on with
 │   └── PolicyError              a threshold outside of what it may be
 └── WorldError                   what `inspector` raises (inspector/errors.py)
 """
@@ -33,6 +34,10 @@ class SweepsDiffer(LearningError):
 
 class AppearanceError(NumericError):
     """A learnt file that is damaged, foreign or newer than this program."""
+
+
+class CheckpointError(NumericError):
+    """A kept inspection that is damaged, of another part, or newer than this program."""
 
 
 class PolicyError(NumericError):

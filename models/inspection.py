@@ -73,6 +73,21 @@ class Inspection:
         """What was said of every frame so far."""
         return tuple(frame for chunk in (*self.earlier, self.latest) for frame in chunk)
 
+    def with_scored(self, scored: ScoredFrame) -> Inspection:
+        """With what was said of one frame more, and what follows from that alone: neither memory nor sequence."""
+        earlier, latest = self.earlier, (*self.latest, scored)
+        if len(latest) == _CHUNK:
+            earlier, latest = (*earlier, latest), ()
+        first_ns = self.first_ns if self.count else scored.t_ns
+        return replace(
+            self,
+            earlier=earlier,
+            latest=latest,
+            last_scored=scored.index if scored.state is FrameState.SCORED else self.last_scored,
+            first_ns=first_ns,
+            chain=_link(self.chain, scored, first_ns),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
@@ -108,22 +123,12 @@ def step(inspection: Inspection, frame: Frame) -> tuple[Inspection, ScoredFrame]
     scored = _scored(inspection, frame, memory, shown, beginning)
     last = inspection.last_sequence
     dropped = inspection.dropped + (max(0, frame.sequence - last - 1) if last is not None else 0)
-    earlier, latest = inspection.earlier, (*inspection.latest, scored)
-    if len(latest) == _CHUNK:
-        earlier, latest = (*earlier, latest), ()
-    last_scored = scored.index if scored.state is FrameState.SCORED else inspection.last_scored
-    first_ns = inspection.first_ns if inspection.count else frame.t_ns
     now = replace(
-        inspection,
+        inspection.with_scored(scored),
         memory=memory,
         beginning=beginning,
-        earlier=earlier,
-        latest=latest,
-        last_scored=last_scored,
         dropped=dropped,
         last_sequence=frame.sequence,
-        first_ns=first_ns,
-        chain=_link(inspection.chain, scored, first_ns),
     )
     return now, scored
 

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from google.protobuf.message import Message
+from mcap.records import Channel, Schema
+from mcap.records import Message as Recorded
 from mcap.writer import CompressionType, IndexType, Writer
 from mcap_protobuf.schema import register_schema
 
@@ -64,6 +66,19 @@ class McapFile:
 
         self._attempt(write)
 
+    def copy(self, channel: Channel, schema: Schema, message: Recorded) -> None:
+        """A message of another recording, byte for byte."""
+
+        def write(writer: Writer) -> None:
+            topic = channel.topic
+            if topic not in self._channels:
+                made = writer.register_schema(schema.name, schema.encoding, schema.data)
+                self._channels[topic] = writer.register_channel(topic, channel.message_encoding, made)
+            number, sequence = self._channels[topic], message.sequence
+            writer.add_message(number, message.log_time, message.data, message.publish_time, sequence)
+
+        self._attempt(write)
+
     def flush_if_due(self) -> None:
         """Bring everything so far to the disk, if the last time is `flush_seconds` ago."""
         if self._clock() - self._flushed >= self._flush_seconds:
@@ -88,6 +103,12 @@ class McapFile:
         self._attempt(lambda writer: writer.finish())
         self._attempt(self._flush)
         self._file.close()
+
+    def abandon(self) -> None:
+        """Close, and leave no file."""
+        with suppress(OSError):
+            self._file.close()
+        self.path.unlink(missing_ok=True)
 
     def _attempt(self, action: Callable[[Writer], object]) -> None:
         if self._writer is None or self._file.closed:

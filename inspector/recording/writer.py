@@ -96,7 +96,8 @@ class SweepWriter:
 
     def flush(self) -> None:
         """Bring everything so far to the disk."""
-        self._file.flush()
+        if self._file.begun:
+            self._file.flush()
 
     def flush_if_due(self) -> None:
         """The same, when it is time; for pauses in which no frame comes."""

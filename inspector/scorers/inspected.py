@@ -12,6 +12,7 @@ from inspector.errors import PictureUnreadable
 from inspector.picture_headers import kind_of
 from inspector.pictures import decode
 from inspector.result_json import deviation_record, frame_record, frame_records, number, result_record
+from inspector.scorers.saved import Going, Saved, save
 from inspector.scorers.tape import Tape
 from inspector.scores_json import scores_to_bytes
 from models.appearance import Appearance
@@ -66,8 +67,10 @@ class Inspected:
         tape: Tape,
         *,
         max_pixels: int,
+        going: Going | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
+        """From the beginning, or going on."""
         self.tape = tape
         self._names, self._max_pixels, self._clock = names, max_pixels, clock
         self._state = begin(appearance, policy)
@@ -77,10 +80,35 @@ class Inspected:
         """Whether it was said that another part lies there; None before."""
         self.doubted: tuple[bytes, ...] = ()
         """Pictures of the beginning of such a sweep, when that has just been said."""
+        self.sequence: int | None = None
+        """Of the last frame that was handled, refused or not."""
+        self._saved_frames = self._saved_kept = 0
+        """How many are saved already."""
+        if going is not None:
+            self._go_on(going)
+
+    @property
+    def count(self) -> int:
+        """Frames scored so far."""
+        return self._state.count
+
+    def save(self) -> Saved:
+        """To go on elsewhere: the state, and what came since it was saved before."""
+        kept, frames = self._state.beginning.kept, self._state.frames
+        new = frames[self._saved_frames :], kept[self._saved_kept :]
+        self._saved_frames, self._saved_kept = len(frames), max(self._saved_kept, len(kept))
+        return save(Going(self._state, self.sequence, self._early, self._foreign), *new)
+
+    def _go_on(self, going: Going) -> None:
+        self._state, self.sequence = going.inspection, going.sequence
+        self._early, self._foreign = going.early, going.foreign
+        for scored in self._state.frames:
+            self._deviations, _, _ = self._deviations.step(scored)
+        self._saved_frames, self._saved_kept = self._state.count, len(self._state.beginning.kept)
 
     def frame(self, sequence: int, t_ns: int, encoder: float | None, picture: bytes) -> tuple[list[Said], Said]:
         """What is to be said about a frame, and how many seconds decoding, scoring and handing to the tape took."""
-        at = [self._clock()]
+        at, self.sequence = [self._clock()], sequence
         try:
             encoded = EncodedPicture(kind_of(picture) or "", picture)
             pixels = decode(encoded, max_pixels=self._max_pixels)

@@ -75,6 +75,15 @@ class Tape:
         """Tell that so many frames were lost before this time."""
         self._thread.jobs.put(lambda: self._attempt(lambda: self._writer.drop(count, t_ns)))
 
+    def flush(self, then: Callable[[], object]) -> None:
+        """Bring everything so far to the disk, then call back, from the thread of the tapes."""
+
+        def flushing() -> None:
+            self._attempt(self._writer.flush)
+            then()
+
+        self._thread.jobs.put(flushing)
+
     def close(self, then: Callable[[Recorded], object]) -> None:
         """Write the index and close, then call back, from the thread of the tapes."""
 

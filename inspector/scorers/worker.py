@@ -24,6 +24,7 @@ import numpy as np
 from inspector.learner import load_appearance
 from inspector.scorers.inspected import Concluded, Inspected, Names
 from inspector.scorers.located import Located
+from inspector.scorers.saved import Saved, resume
 from inspector.scorers.tape import Recorded, Tape, TapeThread
 from inspector.scorers.wire import Head, pack, receive
 from models.appearance import Appearance
@@ -55,6 +56,8 @@ class Worker:
             "drop": self._drop,
             "conclude": self._end,
             "abort": self._end,
+            "checkpoint": self._checkpoint,
+            "release": self._release,
             "prepare": self._locate,
             "locate": self._locate,
             "track": self._locate,
@@ -77,7 +80,7 @@ class Worker:
     def _load(self, head: Head, _: bytes) -> None:
         warm(self._appearance(head))
 
-    def _begin(self, head: Head, _: bytes) -> None:
+    def _begin(self, head: Head, body: bytes) -> None:
         appearance = self._appearance(head)
         names = Names(**head["names"])
         facts = {
@@ -88,9 +91,13 @@ class Worker:
             "appearance_id": appearance.id,
         }
         policy = Policy(**head["policy"])
+        size = next(iter(head.get("resume", ())), 0)
+        saved = Saved(body[:size], body[size:])
+        going = resume(appearance, policy, saved, self._max_pixels) if size else None
         tape = Tape(self._tapes, Path(head["record_to"]), facts)
-        self._inspected[head["id"]] = Inspected(appearance, policy, names, tape, max_pixels=self._max_pixels)
-        self._say({"did": "begun", "id": head["id"]})
+        inspected = Inspected(appearance, policy, names, tape, max_pixels=self._max_pixels, going=going)
+        self._inspected[head["id"]] = inspected
+        self._say({"did": "begun", "id": head["id"], "sequence": inspected.sequence, "frames": inspected.count})
 
     def _frame(self, head: Head, body: bytes) -> None:
         inspected = self._inspected[head["id"]]
@@ -111,13 +118,25 @@ class Worker:
         # the answer comes from the thread of the tapes, when the recording is closed
         inspected.tape.close(lambda recorded: self._tell(head["id"], ended, recorded))
 
+    def _checkpoint(self, head: Head, _: bytes) -> None:
+        inspected = self._inspected[head["id"]]
+        saved = inspected.save()
+        answer = {"did": "checkpoint", "id": head["id"], "sequence": inspected.sequence, "frames": inspected.count}
+        answer["sizes"] = [len(saved.state), len(saved.added)]
+        # no scores are saved whose pictures are not
+        inspected.tape.flush(lambda: self._say(answer, saved.state + saved.added))
+
+    def _release(self, head: Head, _: bytes) -> None:
+        answer = {"did": "released", "id": head["id"]}
+        tape = self._inspected.pop(head["id"]).tape
+        tape.close(lambda recorded: self._say(answer | {"recording": facts_of(recorded)}))
+
     def _locate(self, head: Head, body: bytes) -> None:
         said, answer = self._located.answer(head, body)
         self._say({"did": "located", "id": head["id"], "sequence": head["sequence"], **said}, answer)
 
     def _tell(self, inspection: str, ended: Concluded, recorded: Recorded) -> None:
-        facts = {"frames": recorded.frames, "bytes": recorded.bytes, "note": recorded.note}
-        head = {"did": "concluded", "id": inspection, "result": ended.result, "recording": facts}
+        head = {"did": "concluded", "id": inspection, "result": ended.result, "recording": facts_of(recorded)}
         self._say(head | {"doubted": ended.doubted, "json": len(ended.frames)}, ended.frames + ended.scores)
 
     def _say(self, head: Head, body: bytes = b"") -> None:
@@ -138,6 +157,11 @@ class Worker:
         while len(self._appearances) > _KEPT:
             self._appearances.popitem(last=False)
         return self._appearances[wanted]
+
+
+def facts_of(recorded: Recorded) -> Head:
+    """What became of a recording, for an answer."""
+    return {"frames": recorded.frames, "bytes": recorded.bytes, "note": recorded.note}
 
 
 def warm(appearance: Appearance) -> None:
