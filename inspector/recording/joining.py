@@ -9,6 +9,7 @@ from typing import Any
 
 from mcap.records import Message
 
+from inspector.locations import Location, RemoteFile, to_location
 from inspector.recording.decoding import protobuf_reader
 from inspector.recording.file import McapFile
 from inspector.recording.framing import RecordScan
@@ -22,7 +23,7 @@ _END = 1 << 32
 """MCAP counts in 32 bits."""
 
 
-def join_parts(parts: Sequence[Path | str], starts: Sequence[int], out: Path) -> int:
+def join_parts(parts: Sequence[Path | RemoteFile | str], starts: Sequence[int], out: Path) -> int:
     """The parts as one new recording, as one process would have written it; returns its number of frames.
 
     Part k gives its frames with starts[k] <= sequence < starts[k + 1], the last one all from its start on: what one
@@ -30,9 +31,10 @@ def join_parts(parts: Sequence[Path | str], starts: Sequence[int], out: Path) ->
     copied byte for byte, unread; encoder positions and drops go with them; the facts are those of all parts. What a
     part has lost, because it was cut or damaged, is left out.
 
-    Raises NotARecording for a part that is none, OutputExists, RecordingStopped; then `out` is as it was.
+    Raises NotARecording for a part that is none, ObjectError for one that cannot be had, OutputExists,
+    RecordingStopped; then `out` is as it was.
     """
-    found = [find_recording(Path(part)) for part in parts]
+    found = [find_recording(to_location(part)) for part in parts]
     surveys, facts = list[Survey](), dict[str, str]()
     for part in found:
         with part.open("rb") as file:
@@ -59,7 +61,7 @@ class _Joining:
         self._out = out
         self._drops = 0
 
-    def take(self, part: Path, known: Survey, start: int, end: int) -> None:
+    def take(self, part: Location, known: Survey, start: int, end: int) -> None:
         """The frames of a part with start <= sequence < end, and the drops before them."""
         counts = {
             number: protobuf_reader(known.schemas[channel.schema_id], ("count",))
