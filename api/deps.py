@@ -130,7 +130,9 @@ async def once(
         raise HTTPException(422, f"Idempotency-Key has {len(key)} characters; allowed are 1 to {MAX_KEY}, printable")
     told = [request.method, request.url.path, request.url.query, request.headers.get("prefer", "")]
     mark = hashlib.sha256("\0".join(told).encode() + b"\0" + (await request.body() if body is None else body))
-    claim = await in_thread(service.store.claim, who.actor, key, mark.hexdigest(), service.now_ns())
+    claim = await in_thread(
+        service.store.claim, who.actor, key, mark.hexdigest(), service.now_ns(), node=service.peers.node_id
+    )
     if claim.state == "settled":
         return Response(claim.body, claim.status or 200, {"Idempotency-Replayed": "true"}, JSON)
     if claim.state == "pending":

@@ -30,14 +30,14 @@ async def events(
     last_event_id: Annotated[str | None, Header(max_length=64)] = None,
     pictures: Annotated[str | None, Query(pattern=IDENTITY, description="`every`, or the id of an inspection.")] = None,
 ) -> Response:
-    """Everything that happens from now on, or since `Last-Event-ID`.
+    """Everything that happens from now on, or since `Last-Event-ID`, at whichever service that shares the database.
 
     First comes the `station` as it is: `state`, `running`. Then come `begun`, `scores` (four times a second:
     [index, s, score, state] of each frame, and the drops), `deviation_opened`, `deviation_closed`, `early_ng`,
-    `early_invalid`, `recognised`, `part_found`, `verdict`, `aborted`, `disposition`, `station`, `job`; `missed` where
-    some can not be told any more: read the lists again. With `pictures` also `picture`: the latest of a running
-    inspection as it was received (`type`, `picture` in base64), with what was said of it (`scored`); at most four a
-    second of each inspection, fewer where many watch.
+    `early_invalid`, `recognised`, `part_found`, `verdict`, `aborted`, `interrupted` (the service that had it is gone),
+    `disposition`, `station` (of this service only), `job`; `missed` where some can not be told any more: read the lists
+    again. With `pictures` also `picture`: the latest of a running inspection as it was received (`type`, `picture` in
+    base64), with what was said of it (`scored`); at most four a second of each inspection, fewer where many watch.
     """
     service.events.check_room()
     told = _told(service, last_event_id, pictures)

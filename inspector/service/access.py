@@ -111,11 +111,15 @@ class Access:
         ), text  # fmt: skip
 
     def make_first(self) -> str | None:
-        """The text of an admin's token, where tokens are asked for and no admin has one. Blocks."""
-        admins = (token for token in self._store.tokens() if token.role == "admin" and token.revoked_ns is None)
-        if not self.asks_for_tokens or any(admins):
-            return None
-        return self.make("first admin", "admin", "the service")[1]
+        """The text of an admin's token, where tokens are asked for and no admin has one. Blocks.
+
+        Of services that start at once on one store, one makes it.
+        """
+        with self._store.only_one("first token") as mine:
+            admins = (token for token in self._store.tokens() if token.role == "admin" and token.revoked_ns is None)
+            if not mine or not self.asks_for_tokens or any(admins):
+                return None
+            return self.make("first admin", "admin", "the service")[1]
 
     def revoke(self, token_id: str, actor: str) -> Token:
         """The token is refused from now on. Blocks. Raises NoSuchToken."""

@@ -1,5 +1,7 @@
 """What happens, as it happens, for any number of listeners: a bounded memory that each reads at its own pace.
 
+What happens at other services that share the store is in it, too, in the order in which it was heard of.
+
 Pictures are told beside it, to those who ask: only the latest of each inspection, and none is remembered.
 
 inspector.errors.WorldError
@@ -11,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import Counter, deque
-from collections.abc import AsyncIterator, Generator
+from collections.abc import AsyncIterator, Callable, Collection, Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from uuid import uuid4
@@ -44,7 +46,7 @@ class Event:
 
 
 class Events:
-    """The last few thousand events of this process. Nobody who listens holds up who tells.
+    """The last few thousand events. Nobody who listens holds up who tells.
 
     Used from the event loop only; `publish_soon` from anywhere. A listener that falls behind what is remembered, or
     that asks for an id of before the last start, is told so by an event `missed`: lists must be read again.
@@ -60,6 +62,13 @@ class Events:
         """Listeners by whose pictures they asked for."""
         self._pictures: dict[str, tuple[int, Event]] = {}
         self._told_pictures = 0
+        self._others: set[str] = set()
+        """Inspections of other services, of which there is a picture."""
+        self._watched_by: Mapping[str, Collection[str]] = {}
+        self.told: Callable[[str, str], object] | None = None
+        """Hears the kind and the data of what is published here; a change of which no event tells is of no kind."""
+        self.shown: Callable[[str, str | None], object] | None = None
+        """Hears the pictures that are shown here, by inspection; None: there will be no more."""
         self._news = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closed = False
@@ -78,13 +87,22 @@ class Events:
         """Where it is the same as before, nothing has happened since."""
         return self._next + self._untold
 
-    def changed(self) -> None:
-        """Something has changed of which no event tells."""
+    def changed(self, *, here: bool = True) -> None:
+        """Something has changed of which no event tells; `here`, or at another service."""
         self._untold += 1
+        if here and self.told is not None:
+            self.told("", "")
 
     def publish(self, kind: str, **facts: object) -> None:
-        """Tell all listeners."""
-        self._events.append(Event(f"{self._boot}-{self._next}", kind, json.dumps(facts, separators=(",", ":"))))
+        """Tell all listeners, here and elsewhere."""
+        data = json.dumps(facts, separators=(",", ":"))
+        self.hear(kind, data)
+        if self.told is not None:
+            self.told(kind, data)
+
+    def hear(self, kind: str, data: str) -> None:
+        """Tell all listeners here."""
+        self._events.append(Event(f"{self._boot}-{self._next}", kind, data))
         self._next += 1
         self._wake()
 
@@ -99,11 +117,31 @@ class Events:
         return f"{self._boot}-{self._next - 1}" if self._next else None
 
     def watching(self, inspection_id: str) -> int:
-        """How many asked for its pictures."""
-        return self._watching[inspection_id] + self._watching[EVERY]
+        """How many asked for its pictures: here, and a service elsewhere counts as one."""
+        here = self._watching[inspection_id] + self._watching[EVERY]
+        return here + sum(inspection_id in each or EVERY in each for each in self._watched_by.values())
+
+    @property
+    def watched(self) -> list[str]:
+        """Whose pictures are asked for here."""
+        return sorted(asked for asked, count in [*self._watching.items()] if asked and count)
+
+    def watched_by(self, services: Mapping[str, Collection[str]]) -> None:
+        """Whose pictures are asked for at other services."""
+        self._watched_by = services
 
     def show(self, inspection_id: str, data: str) -> None:
         """Tell an inspection's latest picture; who has not read the one before will not see that."""
+        self._show(inspection_id, data)
+        if self.shown is not None:
+            self.shown(inspection_id, data)
+
+    def see(self, inspection_id: str, data: str) -> None:
+        """The same, of an inspection of another service."""
+        self._others.add(inspection_id)
+        self._show(inspection_id, data)
+
+    def _show(self, inspection_id: str, data: str) -> None:
         self._told_pictures += 1
         self._pictures[inspection_id] = (self._told_pictures, Event("", "picture", data))
         self._wake()
@@ -111,6 +149,14 @@ class Events:
     def forget(self, inspection_id: str) -> None:
         """There will be no more pictures of it."""
         self._pictures.pop(inspection_id, None)
+        self._others.discard(inspection_id)
+        if self.shown is not None:
+            self.shown(inspection_id, None)
+
+    def forget_others(self) -> None:
+        """Of inspections of other services it is not known any more whether they go on."""
+        for inspection_id in [*self._others]:
+            self.forget(inspection_id)
 
     def check_room(self) -> None:
         """Raises TooManyListeners where there is no room for one more."""
@@ -127,7 +173,7 @@ class Events:
             yield
         finally:
             self.listeners -= 1
-            self._watching[pictures or ""] -= 1
+            self._watching -= Counter([pictures or ""])
 
     async def since(self, last_id: str | None, pictures: str | None = None) -> AsyncIterator[tuple[Event, ...]]:
         """What was told after that id, then what is told from now on, as many at a time as there are.

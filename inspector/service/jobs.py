@@ -10,6 +10,7 @@ import asyncio
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, TypeVar
 
 import structlog
@@ -81,10 +82,11 @@ class Jobs:
         metrics: Metrics,
         *,
         learners: int = 1,
+        node_id: str | None = None,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
-        self._now_ns = now_ns
+        self._node_id, self._now_ns = node_id, now_ns
         threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1, "workspace": 1}
         self._queues = {kind: _Queue(count, kind) for kind, count in threads.items()}
         self._at_once, self._shown = _Queue(4, "desk"), _Queue(2, "show")
@@ -92,7 +94,8 @@ class Jobs:
     async def begin(self, kind: JobKind, product_id: str | None, request: Json, work: Work) -> Job:
         """A job that runs, or waits for its turn. Raises TooMuchToDo."""
         self._queues[kind].check()
-        job = await asyncio.to_thread(self._store.add_job, new_id(), kind, product_id, request, self._now_ns())
+        add = partial(self._store.add_job, node=self._node_id)
+        job = await asyncio.to_thread(add, new_id(), kind, product_id, request, self._now_ns())
         self._queues[kind].put(lambda: self._run(job, work))
         return job
 
@@ -139,7 +142,7 @@ class Jobs:
                 progress=1.0 if error is None else None,
             )
         except InspectionError as trouble:
-            # The next start finds the job running, and fails it.
+            # The next start finds the job running, and fails it; or other services did that already.
             _log.error("job not stored", job_id=job.job_id, state=state, error=str(trouble))
         names = {"work": job.kind, "job_id": job.job_id, "product_id": job.product_id}
         _log.info("job", **names, state=state, error=error, seconds=round((self._now_ns() - job.created_ns) / 1e9, 3))

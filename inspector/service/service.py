@@ -19,6 +19,7 @@ from inspector.service.jobs import Jobs
 from inspector.service.learning import Learning
 from inspector.service.locating import Locating
 from inspector.service.metrics import Metrics
+from inspector.service.peers import Peers
 from inspector.service.pictures import Pictures
 from inspector.service.recognising import Recognising
 from inspector.service.replays import Replays
@@ -29,6 +30,7 @@ from inspector.service.trends import Trends
 from inspector.service.workspaces import Workspaces
 from inspector.settings import CORES, Settings
 from inspector.stores import AbstractStore, open_store
+from inspector.stores.records import Json
 from models.errors import InspectionError
 
 log = structlog.get_logger("inspector")
@@ -41,6 +43,7 @@ class Service:
 
     folder: DataFolder
     store: AbstractStore
+    peers: Peers
     access: Access
     jobs: Jobs
     sweeps: Sweeps
@@ -69,9 +72,11 @@ class Service:
         try:
             self.store = await asyncio.to_thread(open_store, self.settings.database_url)
             try:
+                self.peers = Peers(self.store, self.events, now_ns=self.now_ns, facts=self._facts)
                 await self._furnish()
             except BaseException:
-                self.store.close()
+                await self.peers.stop()
+                await asyncio.to_thread(self.store.close)
                 raise
         except BaseException:
             self.folder.close()
@@ -82,6 +87,7 @@ class Service:
         settings, store, folder = self.settings, self.store, self.folder
         await asyncio.to_thread(self._recover)
         self.events.start()
+        await self.peers.start()
         self.access = Access(store, settings.asks_for_tokens, self.now_ns)
         learners = max(1, CORES // 2)
         # Apart: what somebody waits for does not wait for what takes minutes.
@@ -89,7 +95,15 @@ class Service:
             Desk(learners), Desk(4), Desk(2), Desk(1), Desk(1)
         )  # fmt: skip
         recognising = Recognising(store, folder, naming)
-        self.jobs = Jobs(store, folder, self.events, self.metrics, learners=learners, now_ns=self.now_ns)
+        self.jobs = Jobs(
+            store,
+            folder,
+            self.events,
+            self.metrics,
+            learners=learners,
+            node_id=self.peers.node_id,
+            now_ns=self.now_ns,
+        )
         self.sweeps = Sweeps(
             store,
             folder,
@@ -125,7 +139,7 @@ class Service:
         self._housekeeper = asyncio.create_task(self._keep_house())
 
     def _recover(self) -> None:
-        """In a thread: what a crash left behind."""
+        """In a thread: what a crash left behind. On a store that is shared, the others find out, or this one does."""
         if self.store.shared:
             return
         self.store.release_pending_claims()
@@ -136,11 +150,16 @@ class Service:
         """Now and then until the service stops: what need not stay is removed."""
         while not self._stopping.is_set():
             try:
-                await asyncio.to_thread(self._tidy)
+                await asyncio.to_thread(self._tidy_alone)
             except (InspectionError, OSError) as error:
                 log.warning("housekeeping", error=str(error))
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._stopping.wait(), _HOUSEKEEPING_SECONDS)
+
+    def _tidy_alone(self) -> None:
+        with self.store.only_one("housekeeping") as mine:
+            if mine:
+                self._tidy()
 
     def _tidy(self) -> None:
         settings, now = self.settings, self.now_ns()
@@ -159,7 +178,11 @@ class Service:
             return ["the service does not run"]
         dead = [scorer for scorer in self.inspections.pool.scorers if not scorer.alive]
         lame = [f"{len(dead)} of {self.settings.scorers} processes that score are being started again"] if dead else []
-        return [*await asyncio.to_thread(self._troubles), *lame]
+        return [*await asyncio.to_thread(self._troubles), *self.peers.troubles(), *lame]
+
+    def _facts(self) -> Json:
+        """What other services are told of this one."""
+        return self.inspections.station if self.started else {}
 
     def _troubles(self) -> list[str]:
         said: list[str] = []
@@ -181,6 +204,7 @@ class Service:
         await self.inspections.stop()
         if self._housekeeper is not None:
             await self._housekeeper
+        await self.peers.stop()
         self.events.close()
         await asyncio.to_thread(self._close)
 

@@ -38,7 +38,7 @@ export function stationPanel(app) {
   };
 }
 
-function told({ frames, latency, running, capacity }) {
+function told({ frames, latency, running, capacity, nodes = [] }) {
   const all = frames.scored + frames.dropped + frames.refused;
   const ms = (seconds) => (seconds === null ? "–" : `${fixed(1000 * seconds, 1)} ms`);
   const share = (many) => (all ? `${fixed((100 * many) / all, many ? 3 : 0)} %` : "–");
@@ -49,6 +49,7 @@ function told({ frames, latency, running, capacity }) {
     ["Half have their score within", ms(latency.p50), ""],
     ["99 of 100 within", ms(latency.p99), ""],
     ["Inspections now", `${running} of ${capacity}`, ""],
+    ...nodes.slice(1).map(({ name, node_id, running }) => [`At ${name}, ${node_id.slice(0, 4)}`, running ?? "–", "other service"]),
   ];
   const row = ([name, number, more]) =>
     h("tr", {}, h("th", { scope: "row" }, name), h("td", { class: "number" }, number), h("td", { class: "number note" }, more));
