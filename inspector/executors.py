@@ -18,12 +18,14 @@ from typing import Any, TypeVar
 
 import cv2
 import joblib
+from joblib.externals import loky
 from threadpoolctl import threadpool_limits
 
 from inspector.errors import WorldError
 
-# Its stubs know less than it does.
+# Their stubs know less than they do.
 _JOBLIB: Any = joblib
+_LOKY: Any = loky
 A = TypeVar("A")
 B = TypeVar("B")
 EXECUTORS = {
@@ -211,6 +213,8 @@ def _processes(url: str, place: str, stack: ExitStack) -> Executor:
     if place and not (place.isdecimal() and int(place) > 0):
         raise UnknownExecutor(url)
     count = int(place) if place else len(os.sched_getaffinity(0))
+    # Else they stay for minutes, and the next ones would have the environment of these.
+    stack.callback(lambda: _LOKY.get_reusable_executor(reuse=True).shutdown(kill_workers=True))
     stack.enter_context(_JOBLIB.parallel_config("loky", n_jobs=count, inner_max_num_threads=1))
     return Executor(url, count, "loky")
 

@@ -65,6 +65,11 @@ def is_url(place: Path | RemoteFile | str) -> bool:
     return isinstance(place, RemoteFile) or (isinstance(place, str) and _URL.match(place) is not None)
 
 
+def is_bucket(place: RemoteFile) -> bool:
+    """Whether its host tells what it has, as web servers do not."""
+    return place.url.lower().startswith("s3:")
+
+
 def to_location(place: Path | RemoteFile | str) -> Location:
     """What is meant. Raises LocationRefused for a URL that names no file of this computer.
 

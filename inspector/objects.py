@@ -169,6 +169,12 @@ class Objects:
         except NoSuchObject:
             return None
 
+    def version(self, name: str = "") -> tuple[int, str]:
+        """Its size, and what is another when it is written again. Raises NoSuchObject."""
+        with self._told(name):
+            found = obstore.head(self._store, self._key(name))
+        return found["size"], found["e_tag"] or found["last_modified"].isoformat()
+
     def put_new(self, name: str, path: Path) -> None:
         """The file, whole, by a name that nothing has. Raises ObjectTaken, OSError where the file cannot be read.
 

@@ -18,6 +18,7 @@ from inspector.batch.tables import TableKind, write_tables
 from inspector.batch.tasks import Outcome, Task, stamp
 from inspector.errors import WorldError
 from inspector.files import NotWritten, write_new
+from inspector.objects import ObjectError
 
 
 class BatchInUse(WorldError):
@@ -71,7 +72,7 @@ class BatchFolder:
                 and entry["stamp"] == list(stamp(task.path))
                 and self._result(task.name).is_file()
             )
-        except OSError:
+        except (OSError, ObjectError):
             return False
 
     def keep(self, outcome: Outcome) -> None:

@@ -12,12 +12,14 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
 
 from inspector.errors import WorldError
 from inspector.learner import load_appearance
+from inspector.locations import Location, RemoteFile, is_bucket, list_locations, to_location
+from inspector.objects import Objects
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from inspector.result_json import json_bytes, result_record
@@ -26,6 +28,7 @@ from models.errors import AppearanceError, InspectionError
 from models.limits import promise
 from models.verdict import Policy
 
+ENDING = ".mcap"
 COLUMNS = {
     "recording": str,
     "state": str,
@@ -42,7 +45,7 @@ COLUMNS = {
     "error": str,
 }
 """Of the table of all recordings; what is not known is None."""
-Stamp = tuple[int, int]
+Stamp = tuple[int, int | str]
 Row = dict[str, Any]
 """Values of the columns."""
 Record = dict[str, Any]
@@ -51,16 +54,15 @@ Record = dict[str, Any]
 class NothingThere(WorldError):
     """No recording where some were looked for."""
 
-    def __init__(self, places: Sequence[Path]) -> None:
-        super().__init__(
-            f"no recording in {', '.join(map(str, places))}; allowed are MCAP files, and folders with some"
-        )
+    def __init__(self, places: Sequence[Location]) -> None:
+        named = ", ".join(map(str, places))
+        super().__init__(f"no recording in {named}; allowed are MCAP files, and folders and s3:// prefixes with some")
 
 
 class NamedAlike(WorldError):
     """Two recordings whose results would have one name."""
 
-    def __init__(self, name: str, one: Path, other: Path) -> None:
+    def __init__(self, name: str, one: Location, other: Location) -> None:
         super().__init__(f"{one} and {other} would both be {name} in the results; name a folder that holds both")
 
 
@@ -69,15 +71,15 @@ class Task:
     """A recording of the batch."""
 
     name: str
-    """Names its result: its path below the folder that was named, without `.mcap`."""
-    path: Path
+    """Names its result: its path below the folder or prefix that was named, without `.mcap`."""
+    path: Location
 
 
 @dataclass(frozen=True)
 class By:
-    """What all recordings of a batch are inspected by; the file has to be where the work is done."""
+    """What all recordings of a batch are inspected by; the file is read where the work is done."""
 
-    appearance: Path
+    appearance: Location
     appearance_id: str
     policy: Policy
     topic: str | None = None
@@ -102,24 +104,40 @@ class Outcome:
     """JSON, as `replay` writes it: made where the work is done, which is many times more hands than keep it."""
 
 
-def find_recordings(places: Sequence[Path]) -> list[Task]:
-    """Files, and all `.mcap` files of folders and those in them, by name. Raises NothingThere, NamedAlike."""
+def find_recordings(places: Sequence[Path | RemoteFile | str]) -> list[Task]:
+    """Files, and all `.mcap` files in folders and beneath URLs of buckets, however deep, by name.
+
+    Raises NothingThere, NamedAlike, ObjectError.
+    """
+    named = [to_location(place) for place in places]
     found: dict[str, Task] = {}
-    for place in places:
-        folder = place.is_dir()
-        for path in place.rglob("*.mcap") if folder else [place]:
-            below = path.relative_to(place if folder else place.parent).with_suffix("").as_posix()
-            name = f"{place.absolute().name}/{below}" if folder and len(places) > 1 else below
-            task = Task(name, path.absolute())
+    for place in named:
+        folder = place.is_dir() if isinstance(place, Path) else is_bucket(place) and not place.name.endswith(ENDING)
+        parts = _parts(place)
+        for path in list_locations(place, ENDING) if folder else [place]:
+            below = "/".join(_parts(path)[len(parts) if folder else -1 :]).removesuffix(ENDING)
+            name = f"{parts[-1]}/{below}" if folder and len(places) > 1 else below
+            task = Task(name, path.absolute() if isinstance(path, Path) else path)
             if found.setdefault(name, task) != task:
                 raise NamedAlike(name, found[name].path, task.path)
     if not found:
-        raise NothingThere(places)
+        raise NothingThere(named)
     return [found[name] for name in sorted(found)]
 
 
-def stamp(path: Path) -> Stamp:
-    """What tells that it is another recording now: size and time of change of the file. Raises OSError."""
+def _parts(place: Location) -> tuple[str, ...]:
+    """Of its path; of a URL the bucket is one."""
+    path = place.absolute() if isinstance(place, Path) else PurePosixPath(str(place).partition("://")[2])
+    return path.parts
+
+
+def stamp(path: Location) -> Stamp:
+    """What tells that it is another recording now: size and time of change, or what stands for its content.
+
+    Raises OSError, ObjectError.
+    """
+    if isinstance(path, RemoteFile):
+        return Objects(path.url).version()
     facts = path.stat()
     return facts.st_size, facts.st_mtime_ns
 
@@ -164,7 +182,7 @@ def _row(name: str, record: Record) -> Row:
 
 
 @lru_cache(maxsize=2)
-def _appearance(path: Path, appearance_id: str) -> Appearance:
+def _appearance(path: Location, appearance_id: str) -> Appearance:
     """Once for each process. Raises AppearanceError, also where the file is another one by now."""
     appearance = load_appearance(path)
     if appearance.id != appearance_id:

@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
 
 def batch(
-    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING-OR-FOLDER...", help="What to inspect.")],
+    recordings: Annotated[
+        list[str], typer.Argument(metavar="RECORDING-OR-FOLDER-OR-URL...", help="What to inspect; s3://, http:// too.")
+    ],
     *,
-    appearance: Annotated[Path, typer.Option(metavar="PART.appearance", help="What `learn` wrote.")],
+    appearance: Annotated[str, typer.Option(metavar="PART.appearance", help="What `learn` wrote, or its URL.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for results; what is there is not done again.")],
     executor: Annotated[str, typer.Option(metavar="URL", help=f"Where it is done: {EXECUTORS}")] = "processes",
     table: Annotated[
@@ -31,15 +33,19 @@ def batch(
     """Inspect many recordings. One that cannot be read is named, and the rest goes on; begun again, it goes on.
 
     Example: inspector batch archive --appearance board.appearance --out by-version-7 --executor processes
+
+    Example: inspector batch s3://archive/2026 --appearance s3://archive/board.appearance --out by-version-7
     """
     from inspector.batch import By, Counted, find_recordings, refuse_missing, run_batch
     from inspector.executors import open_executor
     from inspector.learner import load_appearance
+    from inspector.locations import to_location
 
     refuse_missing(table)
     settings = judging(policy, false_rejects)
     tasks = find_recordings(recordings)
-    by = By(appearance.absolute(), load_appearance(appearance).id, settings, topic)
+    learnt = to_location(appearance)
+    by = By(learnt.absolute() if isinstance(learnt, Path) else learnt, load_appearance(learnt).id, settings, topic)
     with open_executor(executor) as workers, counting("inspecting", len(tasks)) as tell:
 
         def told(counted: Counted) -> None:

@@ -12,7 +12,9 @@ from inspector.cli.terminal import progress, warn
 
 
 def learn(
-    golden: Annotated[list[Path], typer.Argument(metavar="GOLDEN.mcap...", help="Good sweeps; the first is the map.")],
+    golden: Annotated[
+        list[str], typer.Argument(metavar="GOLDEN.mcap...", help="Good sweeps, or their URLs; the first is the map.")
+    ],
     *,
     out: Annotated[Path, typer.Option(metavar="PART.appearance", help="New file for what is learnt.")],
     add: Annotated[

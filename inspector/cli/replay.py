@@ -12,6 +12,7 @@ from inspector.cli.options import FalseRejectsOption, PolicyOption, TopicOption,
 from inspector.cli.terminal import progress, warn
 
 if TYPE_CHECKING:
+    from inspector.locations import Location
     from inspector.recording import SweepReader
     from inspector.replay import Replayed
     from models.appearance import Appearance
@@ -22,9 +23,9 @@ NOT_OK = 3
 
 
 def replay(
-    sweep: Annotated[Path, typer.Argument(metavar="SWEEP.mcap", help="The recording.")],
+    sweep: Annotated[str, typer.Argument(metavar="SWEEP.mcap", help="The recording, or its URL.")],
     *,
-    appearance: Annotated[Path, typer.Option(metavar="PART.appearance", help="What `learn` wrote.")],
+    appearance: Annotated[str, typer.Option(metavar="PART.appearance", help="What `learn` wrote, or its URL.")],
     json: Annotated[Path | None, typer.Option(metavar="RESULT.json", help="New file for the whole result.")] = None,
     mcap: Annotated[
         Path | None, typer.Option(metavar="SCORED.mcap", help="New recording with scores and boxes, for Foxglove.")
@@ -50,6 +51,7 @@ def replay(
     from inspector.files import refuse_taken
     from inspector.filmstrip import refuse_strips
     from inspector.learner import load_appearance
+    from inspector.locations import to_location
     from inspector.others import Others
     from inspector.recording import SweepReader
     from inspector.result_json import write_result
@@ -58,17 +60,18 @@ def replay(
     for out in (json, mcap):
         if out is not None:
             refuse_taken(out)
+    named = to_location(sweep)
     if filmstrip is not None:
-        refuse_strips(filmstrip, sweep.stem)
+        refuse_strips(filmstrip, named.stem)
     settings = judging(policy, false_rejects)
-    recording, learnt = SweepReader(sweep, topic=topic), load_appearance(appearance)
+    recording, learnt = SweepReader(named, topic=topic), load_appearance(appearance)
     others = Others().of(_named(other or []))
     replayed = _replayed(recording, learnt, settings, mcap, others)
     if json is not None:
         write_result(json, _record(replayed, learnt, settings))
-    _print(replayed, sweep)
+    _print(replayed, named)
     if filmstrip is not None:
-        _write_filmstrips(filmstrip, recording, learnt, replayed, sweep.stem)
+        _write_filmstrips(filmstrip, recording, learnt, replayed, named.stem)
     if fail_on_ng and replayed.result.verdict is not Judgement.OK:
         raise typer.Exit(NOT_OK)
 
@@ -113,7 +116,7 @@ def _record(replayed: Replayed, appearance: Appearance, policy: Policy) -> dict[
     return result_record(replayed.result, replayed.facts, is_simulated=True, promise=promised)
 
 
-def _print(replayed: Replayed, sweep: Path) -> None:
+def _print(replayed: Replayed, sweep: Location) -> None:
     from inspector.report import sentences
 
     for loss in replayed.losses:

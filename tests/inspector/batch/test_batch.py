@@ -17,9 +17,12 @@ from inspector.batch.folder import BatchFolder, BatchInUse
 from inspector.batch.tasks import NamedAlike, NothingThere, Outcome, Task
 from inspector.executors import Executor, ExecutorRefused, UnknownExecutor, WorkersLost, _Died, open_executor
 from inspector.learner import learn_recordings
+from inspector.locations import RemoteFile
+from inspector.objects import Objects, beneath
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from models.verdict import Policy
+from tests.buckets import Buckets
 from tests.clusters import ENGINES
 from tests.inspector.conftest import Line
 from tests.inspector.line import cut
@@ -225,6 +228,42 @@ def test_tables_are_parquet_where_that_is_asked_for(archive: Path, line: Line, t
     for name in ("results.parquet", "frames.parquet"):
         assert (out / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
     assert not (out / "results.csv").exists()
+
+
+def test_recordings_and_appearances_are_read_by_url(archive: Path, line: Line, tmp_path: Path, buckets: Buckets):
+    bucket = buckets.new()
+    objects = Objects(bucket)
+    for path in archive.rglob("*.mcap"):
+        objects.put_new(f"2026/{path.relative_to(archive).as_posix()}", path)
+    objects.put_new("2026-old/other.mcap", line.good)
+    objects.put_new("line.appearance", line.file)
+    tasks = find_recordings([beneath(bucket, "2026")])
+    assert [task.name for task in tasks] == sorted((*WHOLE, CORRUPT))
+    by_url = By(RemoteFile(beneath(bucket, "line.appearance")), line.appearance.id, Policy())
+    run(archive, line, tmp_path / "here")
+    with open_executor("processes:2") as workers:
+        batch = run_batch(tasks, by_url, workers, tmp_path / "there")
+        again = run_batch(tasks, by_url, workers, tmp_path / "there")
+    assert (batch.counted, again.counted) == (Counted(4, 0, 3, 1), Counted(4, 3, 0, 1))
+    for name in WHOLE:
+        here, there = ((tmp_path / out / "results" / f"{name}.json").read_bytes() for out in ("here", "there"))
+        assert here == there
+    # Another recording by the same name is done anew.
+    objects.remove("2026/a/good.mcap")
+    objects.put_new("2026/a/good.mcap", line.spot)
+    changed = run_batch(tasks, by_url, Executor("serial", 1, None), tmp_path / "there")
+    assert (changed.counted, changed.verdicts) == (Counted(4, 2, 1, 1), {"OK": 1, "NG": 2})
+
+
+def test_urls_name_recordings(buckets: Buckets, line: Line, archive: Path):
+    bucket = buckets.new()
+    for name in ("x/a.mcap", "y/b.mcap"):
+        Objects(bucket).put_new(name, line.good)
+    both = find_recordings([beneath(bucket, "x"), beneath(bucket, "y/b.mcap"), archive / "a", "https://host/c/latest"])
+    assert [task.name for task in both] == ["a/good", "a/good-again", "b", "latest", "x/a"]
+    assert [str(task.path) for task in both[2:4]] == [f"{bucket.partition('?')[0]}/y/b.mcap", "https://host/c/latest"]
+    with pytest.raises(NothingThere, match="/z; allowed"):
+        find_recordings([beneath(bucket, "z")])
 
 
 def test_recordings_are_named_by_their_place_in_the_folder(archive: Path):

@@ -1,0 +1,120 @@
+"""Are 200 recordings done 1.85 times as quickly by two processes as by one, and what is in the way of twice?
+
+Run by hand: python -m tests.benchmarks.batch [--recordings 200] [--frames 200] [--rounds 3] [--processes 2]
+
+A batch of the simulated camera's recordings, as `inspector batch` does it, by one process and by several, in turn; all
+of it counts, from the start of the processes to the table. Beside the times, the processor seconds of who keeps the
+results and of who inspects: on a machine with other work they say more than the clock.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+
+os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1"))
+
+from inspector.batch import By, Task, find_recordings, run_batch
+from inspector.cameras import open_camera
+from inspector.executors import open_executor
+from inspector.learner import learn_recordings
+from inspector.recorder import record
+from models.verdict import Policy
+
+DIFFERENT = 8
+"""Recordings; the others are more names of the same."""
+FRAMES = 200
+
+
+@dataclass(frozen=True)
+class Took:
+    """Seconds of one batch."""
+
+    wall: float
+    here: float
+    """Of the processor, in the process that keeps the results."""
+    there: float
+    """Of the processor, in the processes that inspect, where these are others."""
+
+
+def sweep(path: Path, frames: int, seed: int) -> Path:
+    """A recording of a good part."""
+    with open_camera(f"simulated:?size=320x240&frames={frames}&unit={seed}&seed={seed}") as camera:
+        record(camera, path, lossless=True, product_id="plate")
+    return path
+
+
+def archive(folder: Path, count: int, frames: int) -> Path:
+    """So many recordings."""
+    made = [sweep(folder / f"{i}.mcap", frames, i + 10) for i in range(DIFFERENT)]
+    places = folder / "archive"
+    places.mkdir()
+    for i in range(count):
+        os.link(made[i % DIFFERENT], places / f"part-{i:04}.mcap")
+    return places
+
+
+def processor(who: int) -> float:
+    """Seconds so far."""
+    usage = getrusage(who)
+    return usage.ru_utime + usage.ru_stime
+
+
+def batch(tasks: Sequence[Task], by: By, out: Path, processes: int) -> Took:
+    """All of it, by so many."""
+    here, there, begun = processor(RUSAGE_SELF), processor(RUSAGE_CHILDREN), time.perf_counter()
+    with open_executor(f"processes:{processes}") as workers:
+        done = run_batch(tasks, by, workers, out)
+    wall = time.perf_counter() - begun
+    assert done.counted.done == len(tasks), done.failed
+    return Took(wall, processor(RUSAGE_SELF) - here, processor(RUSAGE_CHILDREN) - there)
+
+
+def digest(out: Path) -> list[bytes]:
+    """What was made."""
+    return [path.read_bytes() for path in (out / "results.csv", *sorted((out / "results").iterdir()))]
+
+
+def main() -> None:
+    """Print what each took."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--recordings", type=int, default=200)
+    parser.add_argument("--frames", type=int, default=FRAMES)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--processes", type=int, default=2)
+    asked = parser.parse_args()
+    folder = Path(tempfile.mkdtemp(prefix="batch-"))
+    try:
+        golden = [sweep(folder / f"golden-{i}.mcap", asked.frames, i) for i in (1, 2)]
+        learnt = learn_recordings(golden, folder / "plate.appearance")
+        by = By(folder / "plate.appearance", learnt.id, Policy())
+        tasks = find_recordings([archive(folder, asked.recordings, asked.frames)])
+        ones, several = list[Took](), list[Took]()
+        for turn in range(asked.rounds):
+            for took, processes in ((ones, 1), (several, asked.processes)):
+                out = folder / f"{processes}-{turn}"
+                took.append(batch(tasks, by, out, processes))
+                print(f"{processes} process{'es' if processes > 1 else ''}: {took[-1]}", flush=True)
+            assert digest(folder / f"1-{turn}") == digest(folder / f"{asked.processes}-{turn}")
+        one, two = (min(took, key=lambda each: each.wall) for took in (ones, several))
+        count, frames = len(tasks), len(tasks) * asked.frames
+        print(f"{count} recordings of {asked.frames} frames, 320x240, best of {asked.rounds}, in turn")
+        print(f"  one process         {one.wall:6.1f} s, {1000 * one.wall / frames:.2f} ms a frame")
+        print(f"  {asked.processes} processes         {two.wall:6.1f} s, {one.wall / two.wall:.2f} times as quick")
+        least = [min(took, key=lambda each: each.here + each.there) for took in (ones, several)]
+        alone, shared = least[0].here + least[0].there, least[1].here + least[1].there
+        print(f"  processor           {alone:6.1f} s by one, {shared:.1f} s by {asked.processes}")
+        print(f"  of it to keep results {1000 * least[1].here / count:.1f} ms a recording")
+    finally:
+        shutil.rmtree(folder)
+
+
+if __name__ == "__main__":
+    main()
