@@ -28,6 +28,7 @@ from api.deps import (
     problems,
     tagged,
 )
+from api.downloads import download
 from api.errors import WrongType, problem
 from api.schemas import Asked
 from api.shared import Shared
@@ -369,15 +370,18 @@ async def scores(
 
 
 @router.get("/{inspection_id}/recording", responses=problems(404, 409, 410), response_class=FileResponse)
-async def recording(inspection_id: Id, service: ServiceDep, who: Viewer) -> FileResponse:
+async def recording(request: Request, inspection_id: Id, service: ServiceDep, who: Viewer) -> Response:
     """Exactly the frames that were scored, as MCAP."""
     stored = await in_thread(service.store.inspection, inspection_id)
     if stored.recording == "being written":
         raise NotConcluded(inspection_id, "recording")
-    path = service.folder.inspection(inspection_id)
-    if stored.recording != "kept" or not await in_thread(path.is_file):
+    kept = stored.recording == "kept"
+    sent = (
+        await download(request, service.files, "inspection", inspection_id, f"{inspection_id}.mcap") if kept else None
+    )
+    if sent is None:
         raise RecordingGone(inspection_id, stored.recording, stored.recording_note)
-    return FileResponse(path, media_type="application/octet-stream", filename=f"{inspection_id}.mcap")
+    return sent
 
 
 def told(stored: StoredInspection, service: Service, profile: bool = True) -> Inspection:

@@ -27,6 +27,7 @@ from api.deps import (
     problems,
     tagged,
 )
+from api.downloads import download
 from api.errors import BodyTooLarge, WrongType
 from api.guard import MAX_JSON
 from api.jobs import Accepted
@@ -184,13 +185,15 @@ async def sweep(request: Request, product_id: ProductId, sweep_id: Id, service: 
 
 
 @router.get("/{sweep_id}/recording", response_class=FileResponse, responses=problems(404))
-async def recording(product_id: ProductId, sweep_id: Id, service: ServiceDep, who: Viewer) -> FileResponse:
+async def recording(
+    request: Request, product_id: ProductId, sweep_id: Id, service: ServiceDep, who: Viewer
+) -> Response:
     """The recording itself, MCAP."""
     found = await in_thread(_found, service, product_id, sweep_id)
-    path = service.folder.sweep(found.sweep_id)
-    if not await in_thread(path.is_file):
+    sent = await download(request, service.files, "sweep", found.sweep_id, f"{sweep_id}.mcap")
+    if sent is None:
         raise NoSuchSweep(sweep_id)
-    return FileResponse(path, media_type=MCAP, filename=f"{sweep_id}.mcap")
+    return sent
 
 
 def _found(service: Service, product_id: str, sweep_id: str) -> Sweep:

@@ -27,6 +27,7 @@ from api.deps import (
     problems,
     tagged,
 )
+from api.downloads import download
 from api.errors import BodyTooLarge, WrongType
 from api.inspections import PICTURES
 from api.jobs import Accepted
@@ -185,13 +186,14 @@ async def workspace(request: Request, workspace_id: Id, service: ServiceDep, who
 
 
 @router.get("/{workspace_id}/file", response_class=FileResponse, responses=problems(404))
-async def file(workspace_id: Id, service: ServiceDep, who: Viewer) -> FileResponse:
+async def file(request: Request, workspace_id: Id, service: ServiceDep, who: Viewer) -> Response:
     """The learnt file itself, as `inspector locate` reads it."""
     found = await in_thread(service.store.workspace, workspace_id)
-    path = service.folder.workspace(found.workspace_id)
-    if not await in_thread(path.is_file):
+    name = found.name or found.workspace_id.removeprefix("sha256:")[:16]
+    sent = await download(request, service.files, "workspace", found.workspace_id, f"{name}.workspace")
+    if sent is None:
         raise NoSuchWorkspace(workspace_id)
-    return FileResponse(path, media_type=BINARY, filename=f"{found.name or path.stem[:16]}.workspace")
+    return sent
 
 
 @router.post(

@@ -88,6 +88,15 @@ def to_location(place: Path | RemoteFile | str) -> Location:
     return Path(unquote(split.path))
 
 
+def shown_place(place: Path | RemoteFile | str) -> str:
+    """The same as errors tell it: a path, or a URL without secrets.
+
+    >>> shown_place("s3://bucket/a.mcap?endpoint=http://localhost:9000")
+    's3://bucket/a.mcap'
+    """
+    return str(to_location(place))
+
+
 def open_location(place: Path | RemoteFile | str) -> BinaryIO:
     """The file, to read and to seek in. Raises OSError for a path, ObjectError for a URL."""
     return to_location(place).open("rb")

@@ -40,6 +40,8 @@ class Settings(BaseSettings):
 
     data: Path = Path("inspector-data")
     """Folder of the store, the recordings and what was learnt; made where it is missing."""
+    files: str | None = None
+    """URL where finished files are kept: `s3://…`, `file:///…`; None is the data folder."""
     database: SecretStr | None = None
     """URL of the database; None is SQLite in the data folder."""
     host: str = "127.0.0.1"
@@ -79,6 +81,9 @@ class Settings(BaseSettings):
     """Recordings of inspections are removed after so many days."""
     keep_disk_share: Share = 0.8
     """Share of the room that recordings and the free disk make up; beyond it they are removed, the oldest OK first."""
+
+    keep_bytes: Count | None = None
+    """Bytes that recordings of inspections may fill, wherever they are; None is no limit but the disk."""
 
     cameras: dict[str, str] = Field(default_factory=dict)
     """Cameras that sweeps can be recorded from, by name. JSON in the environment: `{"top": "opencv:0"}`."""

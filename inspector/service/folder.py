@@ -82,19 +82,19 @@ class DataFolder:
 
     def sweep(self, sweep_id: str) -> Path:
         """The recording of a sweep. Raises NoFileId."""
-        return self.path / "sweeps" / f"{_checked(sweep_id)}.mcap"
+        return self.path / "sweeps" / f"{self.checked(sweep_id)}.mcap"
 
     def appearance(self, appearance_id: str) -> Path:
         """What was learnt. Raises NoFileId."""
-        return self.path / "appearances" / f"{_hash(appearance_id)}.appearance"
+        return self.path / "appearances" / f"{self.hash_of(appearance_id)}.appearance"
 
     def workspace(self, workspace_id: str) -> Path:
         """Where objects are. Raises NoFileId."""
-        return self.path / "workspaces" / f"{_hash(workspace_id)}.workspace"
+        return self.path / "workspaces" / f"{self.hash_of(workspace_id)}.workspace"
 
     def inspection(self, inspection_id: str) -> Path:
         """The recording of an inspection. Raises NoFileId."""
-        return self.path / "inspections" / f"{_checked(inspection_id)}.mcap"
+        return self.path / "inspections" / f"{self.checked(inspection_id)}.mcap"
 
     def incoming(self) -> Path:
         """A new name for what is being received, or made."""
@@ -122,21 +122,23 @@ class DataFolder:
         """A sentence without the place of the folder, for strangers."""
         return said.replace(f"{self.path}{os.sep}", "").replace(str(self.path), "the data folder")
 
+    @staticmethod
+    def checked(id: str) -> str:
+        """An id that this program made. Raises NoFileId for any other."""
+        if _ID.fullmatch(id) is None:
+            raise NoFileId(id)
+        return id
+
+    @staticmethod
+    def hash_of(id: str) -> str:
+        """The hash in the id of what was learnt. Raises NoFileId."""
+        found = _HASH.fullmatch(id)
+        if found is None:
+            raise NoFileId(id)
+        return found[1]
+
 
 def remove(path: Path) -> None:
     """Nothing is there afterwards; it does not matter whether something was."""
     with suppress(OSError):
         path.unlink(missing_ok=True)
-
-
-def _hash(id: str) -> str:
-    found = _HASH.fullmatch(id)
-    if found is None:
-        raise NoFileId(id)
-    return found[1]
-
-
-def _checked(id: str) -> str:
-    if _ID.fullmatch(id) is None:
-        raise NoFileId(id)
-    return id

@@ -17,9 +17,11 @@ from inspector.errors import StoreError, WorldError
 from inspector.scorers.pool import Pool, Scorer
 from inspector.service.errors import AtCapacity, NoRecipe, NotOpen, Stopping
 from inspector.service.events import Events
-from inspector.service.folder import DataFolder, new_id
+from inspector.service.files import Files
+from inspector.service.folder import new_id
 from inspector.service.load import Ration, Turns
 from inspector.service.metrics import Metrics
+from inspector.service.publishing import Publishing
 from inspector.service.recognising import Recognising
 from inspector.service.running import Around, Bounds, Ended, Running
 from inspector.stores.base import AbstractStore, AlreadyConcluded, IdTaken, NoSuchInspection
@@ -42,11 +44,12 @@ class Inspections:
     def __init__(
         self,
         store: AbstractStore,
-        folder: DataFolder,
+        files: Files,
         events: Events,
         metrics: Metrics,
         recognising: Recognising,
         *,
+        publishing: Publishing,
         scorers: int,
         max_inspections: int,
         max_pixels: int,
@@ -57,7 +60,8 @@ class Inspections:
         self.stopping = False
         self.beside: Callable[[], Iterable[tuple[Scorer, float]]] = tuple
         """What else needs a share of the scorers' time."""
-        self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
+        self._store, self._files, self._events, self._metrics = store, files, events, metrics
+        self._publishing = publishing
         self._recognising = recognising
         self._max, self._idle_seconds = max_inspections, idle_seconds
         self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes)
@@ -94,8 +98,7 @@ class Inspections:
 
     def load(self, appearance_id: str) -> None:
         """Have it ready in every scorer: it will be needed. And where there are several, to tell them apart."""
-        self.pool.load(appearance_id, str(self._folder.appearance(appearance_id)))
-        self._keep(self._prepare())
+        self._keep(self._prepare(appearance_id))
 
     @property
     def state(self) -> str:
@@ -190,6 +193,7 @@ class Inspections:
         self, product_id: str, part_id: str, recipe_id: str | None, inspection_id: str
     ) -> StoredInspection:
         recipe = await in_thread(self._recipe, product_id, recipe_id)
+        path = await in_thread(self._files.local_appearance, recipe.appearance_id)
         policy = Policy(**recipe.policy)
         if self.pool.least() is None:
             raise AtCapacity("the processes that score are being started")
@@ -212,10 +216,10 @@ class Inspections:
                 "do": "begin",
                 "id": inspection_id,
                 "appearance_id": recipe.appearance_id,
-                "path": str(self._folder.appearance(recipe.appearance_id)),
+                "path": str(path),
                 "policy": asdict(policy),
                 "names": names | {"result_id": new_id()},
-                "record_to": str(self._folder.inspection(inspection_id)),
+                "record_to": str(self._files.tape(inspection_id)),
             }
         )
         try:
@@ -258,8 +262,10 @@ class Inspections:
         self._retire(running, ended.full, stored)
         return ended
 
-    async def _prepare(self) -> None:
+    async def _prepare(self, appearance_id: str) -> None:
         with suppress(WorldError):
+            path = await in_thread(self._files.local_appearance, appearance_id)
+            self.pool.load(appearance_id, str(path))
             await in_thread(self._recognising.prepare)
 
     def _recognise(self, running: Running, pictures: Sequence[bytes]) -> None:
@@ -271,7 +277,7 @@ class Inspections:
         try:
             found = await in_thread(self._recognising.recognise, product_id, appearance_id, pictures)
         except WorldError as error:
-            self._log.warning("recognise", **running.facts, error=self._folder.hidden(str(error)))
+            self._log.warning("recognise", **running.facts, error=self._files.hidden(str(error)))
             return None
         if found is not None and running.phase != "ended":
             running.tell("recognised", found)
@@ -302,8 +308,7 @@ class Inspections:
             scores=ended.scores,
             reason=reason,
         )
-        kept = "kept" if facts["bytes"] else "none"
-        return self._store.set_recording(inspection_id, kept, facts["bytes"], facts["note"])
+        return self._publishing.keep(inspection_id, self._files.tape(inspection_id), facts["note"])
 
     async def _lose(self, running: Running, why: str) -> None:
         """The scorer is gone: what is on the disk stays, a verdict there is none."""
@@ -325,9 +330,7 @@ class Inspections:
 
     def _keep_what_is_there(self, inspection_id: str) -> StoredInspection:
         """In a thread: the recording of an inspection that nobody closed."""
-        path = self._folder.inspection(inspection_id)
-        size = path.stat().st_size if path.exists() else 0
-        return self._store.set_recording(inspection_id, "kept" if size else "none", size, _NOT_CLOSED)
+        return self._publishing.keep(inspection_id, self._files.tape(inspection_id), _NOT_CLOSED)
 
     def _retire(self, running: Running, full: bytes | None, stored: StoredInspection | None, why: str = "") -> None:
         """It runs no more: all who listen are told, and it is remembered for a while."""

@@ -18,7 +18,8 @@ import structlog
 from inspector.errors import WorldError
 from inspector.service.errors import Stopping
 from inspector.service.events import Events
-from inspector.service.folder import DataFolder, new_id
+from inspector.service.files import Files
+from inspector.service.folder import new_id
 from inspector.service.metrics import Metrics
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Job, JobKind, Json
@@ -77,7 +78,7 @@ class Jobs:
     def __init__(
         self,
         store: AbstractStore,
-        folder: DataFolder,
+        files: Files,
         events: Events,
         metrics: Metrics,
         *,
@@ -85,7 +86,7 @@ class Jobs:
         node_id: str | None = None,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._store, self._folder, self._events, self._metrics = store, folder, events, metrics
+        self._store, self._files, self._events, self._metrics = store, files, events, metrics
         self._node_id, self._now_ns = node_id, now_ns
         threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1, "workspace": 1}
         self._queues = {kind: _Queue(count, kind) for kind, count in threads.items()}
@@ -119,7 +120,7 @@ class Jobs:
         try:
             outcome = work(lambda share: self._tell(job, share))
         except InspectionError as error:
-            self._end(job, error=self._folder.hidden(str(error)))
+            self._end(job, error=self._files.hidden(str(error)))
         except Exception:
             _log.exception("job broke", job_id=job.job_id)
             self._end(job, error="something unexpected went wrong; the log of the service says what")

@@ -8,8 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from inspector.files import write_new
+from inspector.locations import shown_place
 from inspector.service.desk import Desk, naming
-from inspector.service.folder import DataFolder, remove
+from inspector.service.files import Files
+from inspector.service.folder import remove
 from inspector.stores.base import AbstractStore, NoSuchSweep
 from inspector.stores.records import Json, StoredAppearance
 
@@ -18,9 +20,9 @@ class Learning:
     """Learns appearances of products. Everything here blocks."""
 
     def __init__(
-        self, store: AbstractStore, folder: DataFolder, desk: Desk, now_ns: Callable[[], int] = time.time_ns
+        self, store: AbstractStore, files: Files, desk: Desk, now_ns: Callable[[], int] = time.time_ns
     ) -> None:
-        self._store, self._folder, self._desk, self._now_ns = store, folder, desk, now_ns
+        self._store, self._files, self._desk, self._now_ns = store, files, desk, now_ns
 
     def check(self, product_id: str, sweep_ids: Sequence[str], add_to: str | None) -> None:
         """Raises NoSuchProduct, NoSuchSweep, NoSuchAppearance, before a job is begun."""
@@ -43,11 +45,12 @@ class Learning:
 
         `ignore` is a don't-care mask, the bytes of a PNG.
         """
-        names = {str(self._folder.sweep(sweep_id)): f"sweep {sweep_id}" for sweep_id in sweep_ids}
+        sweeps = [self._files.place("sweep", sweep_id) for sweep_id in sweep_ids]
+        names = {shown_place(place): f"sweep {sweep_id}" for place, sweep_id in zip(sweeps, sweep_ids, strict=True)}
         before: tuple[str, ...] = ()
-        asked: Json = {"sweeps": list(names), "add_to": None, "ignore": None}
+        asked: Json = {"sweeps": sweeps, "add_to": None, "ignore": None}
         if add_to is not None:
-            old = self._folder.appearance(add_to)
+            old = self._files.local_appearance(add_to)
             before = self._store.appearance(product_id, add_to).sweep_ids
             asked["add_to"], names[str(old)] = str(old), f"appearance {add_to}"
         with self._mask(ignore) as mask:
@@ -62,7 +65,7 @@ class Learning:
 
         A region has `s`, and `x`, `y`, `width`, `height` on the reference picture there. Raises WorkFailed, NotWritten.
         """
-        sweep_ids, old = self._store.appearance(product_id, of).sweep_ids, str(self._folder.appearance(of))
+        sweep_ids, old = self._store.appearance(product_id, of).sweep_ids, str(self._files.local_appearance(of))
         asked: Json = {"of": old, "regions": regions}
         return self._made(
             "excuse", asked, {old: f"appearance {of}"}, progress, product_id=product_id, sweep_ids=sweep_ids
@@ -71,7 +74,7 @@ class Learning:
     @contextmanager
     def _mask(self, ignore: bytes | None) -> Generator[Path | None]:
         """The mask as a file, for as long as it is needed."""
-        path = self._folder.incoming()
+        path = self._files.incoming()
         try:
             if ignore is not None:
                 write_new(path, ignore)
@@ -89,7 +92,7 @@ class Learning:
         product_id: str,
         sweep_ids: tuple[str, ...],
     ) -> Json:
-        draft = self._folder.incoming()
+        draft = self._files.incoming()
         try:
             with naming({**names, str(draft): "the appearance"}) as named:
                 made = self._desk.do(task, {**asked, "appearance": str(draft)}, progress)
@@ -104,7 +107,6 @@ class Learning:
         return {"appearance_id": stored.appearance_id, "said": list(said)}
 
     def _keep(self, draft: Path, appearance_id: str) -> None:
-        path = self._folder.appearance(appearance_id)
         # The name is the hash of what is in it: what is there already is the same.
-        if not path.exists():
-            self._folder.keep(draft, path)
+        if self._files.size("appearance", appearance_id) is None:
+            self._files.publish(draft, "appearance", appearance_id)

@@ -12,7 +12,8 @@ from inspector.protocol import SentFrame
 from inspector.scorers.pool import Pool, Scorer
 from inspector.scorers.wire import Head
 from inspector.service.errors import Busy, LocatorLost, PictureRefused, Stopping, TooManyTracked
-from inspector.service.folder import DataFolder, new_id
+from inspector.service.files import Files
+from inspector.service.folder import new_id
 from inspector.service.load import Load
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import StoredWorkspace
@@ -165,8 +166,8 @@ class Trail:
 class Locating:
     """All that is located and tracked here. Used from the event loop; the store is asked in threads."""
 
-    def __init__(self, store: AbstractStore, folder: DataFolder, pool: Pool, *, most: int) -> None:
-        self._store, self._folder, self._pool, self._most = store, folder, pool, most
+    def __init__(self, store: AbstractStore, files: Files, pool: Pool, *, most: int) -> None:
+        self._store, self._files, self._pool, self._most = store, files, pool, most
         self._lines = {scorer: _Line(scorer) for scorer in pool.scorers}
         self._trails: dict[str, Trail] = {}
         self._stopping = False
@@ -176,16 +177,16 @@ class Locating:
         newest = await asyncio.to_thread(self._store.workspaces, None, 1)
         for workspace in newest.items:
             for line in self._lines.values():
-                line.prepare(self._facts(workspace.workspace_id))
+                line.prepare(await asyncio.to_thread(self._facts, workspace.workspace_id))
 
     async def locate(self, workspace_id: str, picture: bytes) -> bytes:
         """What is said of a picture, as JSON.
 
         Raises NoSuchWorkspace, Busy, PictureRefused, LocatorLost, AppearanceError, Stopping.
         """
-        await asyncio.to_thread(self._store.workspace, workspace_id)
+        facts = await asyncio.to_thread(self._known, workspace_id)
         line = self._lines[min(self._alive(), key=lambda each: (each.waiting, each.number))]
-        return await line.locate(self._facts(workspace_id), picture)
+        return await line.locate(facts, picture)
 
     async def track(self, workspace_id: str) -> Trail:
         """A part to be tracked, until `forget`; its workspace is loaded.
@@ -193,11 +194,12 @@ class Locating:
         Raises NoSuchWorkspace, TooManyTracked, LocatorLost, AppearanceError, Stopping.
         """
         workspace = await asyncio.to_thread(self._store.workspace, workspace_id)
+        path = await asyncio.to_thread(self._files.local, "workspace", workspace_id)
         scorers = self._alive()
         if len(self._trails) >= self._most:
             raise TooManyTracked(self._most)
         scorer = min(scorers, key=lambda each: (len(each.listeners), each.number))
-        trail = Trail(scorer, workspace, str(self._folder.workspace(workspace_id)))
+        trail = Trail(scorer, workspace, str(path))
         self._trails[trail.id] = trail
         try:
             await trail.prepare()
@@ -222,8 +224,12 @@ class Locating:
         for trail in self._trails.values():
             trail.end("the service is being stopped")
 
+    def _known(self, workspace_id: str) -> Head:
+        self._store.workspace(workspace_id)
+        return self._facts(workspace_id)
+
     def _facts(self, workspace_id: str) -> Head:
-        return {"workspace_id": workspace_id, "path": str(self._folder.workspace(workspace_id))}
+        return {"workspace_id": workspace_id, "path": str(self._files.local("workspace", workspace_id))}
 
     def _alive(self) -> list[Scorer]:
         if self._stopping:

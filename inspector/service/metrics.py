@@ -38,6 +38,8 @@ class Metrics:
         self.running = Gauge("inspector_inspections_running", "Inspections in processing", registry=at)
         self.waiting = Gauge("inspector_frames_waiting", "Frames that wait for their turn", ["scorer"], registry=at)
         self.restarts = Gauge("inspector_scorer_restarts", "Scorers that had to be started again", registry=at)
+        self.unpublished = Gauge("inspector_recordings_unpublished", "Recordings that wait on the disk", registry=at)
+        """Closed, and not yet where they are kept."""
         self.listeners = Gauge("inspector_event_listeners", "Listeners to events", registry=at)
         self.held = Histogram("inspector_event_loop_held_seconds", "The event loop held", buckets=_HELD, registry=at)
 

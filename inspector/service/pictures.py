@@ -10,13 +10,13 @@ import threading
 from base64 import b64decode, b64encode
 from collections import OrderedDict
 from dataclasses import dataclass
-from pathlib import Path
 
 from inspector.errors import WorldError
+from inspector.locations import shown_place
 from inspector.scores_json import scores_from_bytes, scores_to_bytes
 from inspector.service.desk import Desk, naming
 from inspector.service.errors import NotConcluded, RecordingGone
-from inspector.service.folder import DataFolder
+from inspector.service.files import Files
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, StoredInspection
 from models.frame import EncodedPicture
@@ -51,8 +51,8 @@ class Reference:
 class Pictures:
     """Looks recorded frames up. Everything here blocks."""
 
-    def __init__(self, store: AbstractStore, folder: DataFolder, desk: Desk) -> None:
-        self._store, self._folder, self._desk = store, folder, desk
+    def __init__(self, store: AbstractStore, files: Files, desk: Desk) -> None:
+        self._store, self._files, self._desk = store, files, desk
         self._lock = threading.Lock()
         self._told: OrderedDict[Key, EncodedPicture] = OrderedDict()
         self._scores: OrderedDict[str, tuple[ScoredFrame, ...]] = OrderedDict()
@@ -76,16 +76,16 @@ class Pictures:
                 return known
         stored = self._ended(inspection_id)
         scored, (recording, thing) = self._frame(stored, index), self._recording(stored)
-        appearance = self._folder.appearance(stored.appearance_id)
+        appearance = self._files.local_appearance(stored.appearance_id)
         asked = {
-            "recording": str(recording),
+            "recording": recording,
             "index": index,
             "kind": kind,
             "appearance": str(appearance),
             "policy": stored.policy,
             "scored": b64encode(scores_to_bytes([scored])).decode() if scored is not None else None,
         }
-        with naming({str(recording): f"the recording of {thing}", str(appearance): "the appearance"}):
+        with naming({shown_place(recording): f"the recording of {thing}", str(appearance): "the appearance"}):
             made = self._desk.do("picture", asked)
         if "missing" in made:
             raise NoSuchPicture(inspection_id, index, kind, made["missing"])
@@ -109,7 +109,7 @@ class Pictures:
 
     def _of_appearance(self, task: str, product_id: str, appearance_id: str, **more: object) -> Json:
         self._store.appearance(product_id, appearance_id)
-        path = str(self._folder.appearance(appearance_id))
+        path = str(self._files.local_appearance(appearance_id))
         with naming({path: f"appearance {appearance_id}"}):
             return self._desk.do(task, {"appearance": path, **more})
 
@@ -137,18 +137,16 @@ class Pictures:
             raise NoSuchPicture(inspection_id, index, None, f"it has {len(scores)} frames, counted from 0")
         return scores[index]
 
-    def _recording(self, stored: StoredInspection) -> tuple[Path, str]:
+    def _recording(self, stored: StoredInspection) -> tuple[str, str]:
         """Of the inspection itself, or of what it is a replay of; and in words."""
         kind, _, of = str((stored.result or {}).get("replay_of", "")).partition(" ")
         if kind == "sweep":
-            path = self._folder.sweep(of)
-            if path.exists():
-                return path, f"sweep {of}"
+            if self._files.size("sweep", of) is not None:
+                return self._files.place("sweep", of), f"sweep {of}"
             raise RecordingGone(stored.inspection_id, "none", f"sweep {of} is not there any more")
         source = self._store.inspection(of) if kind == "inspection" else stored
-        path = self._folder.inspection(source.inspection_id)
-        if source.recording == "kept" and path.exists():
-            return path, f"inspection {source.inspection_id}"
+        if source.recording == "kept" and self._files.size("inspection", source.inspection_id) is not None:
+            return self._files.place("inspection", source.inspection_id), f"inspection {source.inspection_id}"
         raise RecordingGone(source.inspection_id, source.recording, source.recording_note)
 
     def _keep(self, key: Key, picture: EncodedPicture) -> None:

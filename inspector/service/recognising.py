@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Sequence
+from contextlib import suppress
 
+from inspector.objects import ObjectError
 from inspector.service.desk import Desk
-from inspector.service.folder import DataFolder
+from inspector.service.files import Files
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json
 
@@ -17,8 +19,8 @@ _MOST = 200
 class Recognising:
     """At a desk of its own, so that it does not wait for what takes minutes. Everything here blocks."""
 
-    def __init__(self, store: AbstractStore, folder: DataFolder, desk: Desk) -> None:
-        self._store, self._folder, self._desk = store, folder, desk
+    def __init__(self, store: AbstractStore, files: Files, desk: Desk) -> None:
+        self._store, self._files, self._desk = store, files, desk
 
     def others(self, product_id: str, appearance_id: str) -> dict[str, str]:
         """Files of the appearances that other products' active recipes have, by product."""
@@ -26,7 +28,9 @@ class Recognising:
         for product in self._store.products(limit=_MOST).items:
             recipe = self._store.active_recipe(product.product_id)
             if recipe is not None and product.product_id != product_id and recipe.appearance_id != appearance_id:
-                found[product.product_id] = str(self._folder.appearance(recipe.appearance_id))
+                # One that cannot be had names no part, and that is all.
+                with suppress(ObjectError):
+                    found[product.product_id] = str(self._files.local_appearance(recipe.appearance_id))
         return found
 
     def recognise(self, product_id: str, appearance_id: str, pictures: Sequence[bytes]) -> Json | None:
@@ -35,7 +39,7 @@ class Recognising:
         By the names of `recognised` of a result, and its `sentence`. Raises WorkFailed, WorkerDied, DeskClosed.
         """
         asked = {
-            "own": str(self._folder.appearance(appearance_id)),
+            "own": str(self._files.local_appearance(appearance_id)),
             "others": self.others(product_id, appearance_id),
             "pictures": [b64encode(picture).decode() for picture in pictures],
         }

@@ -11,12 +11,13 @@ from base64 import b64decode, b64encode
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 
 from inspector.errors import WorldError
+from inspector.locations import shown_place
 from inspector.service.desk import Desk, naming
 from inspector.service.errors import NoRecipe, RecordingGone
-from inspector.service.folder import DataFolder, new_id
+from inspector.service.files import Files
+from inspector.service.folder import new_id
 from inspector.service.recognising import Recognising
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, Recipe, StoredInspection
@@ -37,7 +38,8 @@ class NoScores(WorldError):
 class Replay:
     """What is to be replayed, and by what."""
 
-    recording: Path
+    recording: str
+    """A path or a URL."""
     thing: str
     """What the recording is of, in words."""
     part_id: str | None
@@ -56,12 +58,12 @@ class Replays:
     def __init__(
         self,
         store: AbstractStore,
-        folder: DataFolder,
+        files: Files,
         desk: Desk,
         recognising: Recognising,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._store, self._folder, self._desk, self._now_ns = store, folder, desk, now_ns
+        self._store, self._files, self._desk, self._now_ns = store, files, desk, now_ns
         self._recognising = recognising
 
     def prepare(
@@ -74,40 +76,39 @@ class Replays:
         if inspection_id is not None:
             stored = self._store.inspection(inspection_id)
             thing, part_id, product_id = f"inspection {inspection_id}", stored.part_id, stored.product_id
-            path, recipe_id = self._recording(stored), recipe_id or stored.recipe_id
+            place, recipe_id = self._recording(stored), recipe_id or stored.recipe_id
         else:
             sweep = self._store.sweep(sweep_id or "")
             thing, part_id, product_id = f"sweep {sweep.sweep_id}", sweep.part_id, sweep.product_id
-            path = self._folder.sweep(sweep.sweep_id)
+            place = self._files.place("sweep", sweep.sweep_id)
         recipe = self._store.recipe(recipe_id) if recipe_id else self._store.active_recipe(product_id)
         if recipe is None:
             raise NoRecipe(product_id)
         if policy is not None:
             recipe = replace(recipe, policy=asdict(policy))
-        return Replay(path, thing, part_id, recipe)
+        return Replay(place, thing, part_id, recipe)
 
-    def _recording(self, stored: StoredInspection) -> Path:
-        path = self._folder.inspection(stored.inspection_id)
-        if stored.recording == "kept" and path.exists():
-            return path
+    def _recording(self, stored: StoredInspection) -> str:
+        if stored.recording == "kept" and self._files.size("inspection", stored.inspection_id) is not None:
+            return self._files.place("inspection", stored.inspection_id)
         raise RecordingGone(stored.inspection_id, stored.recording, stored.recording_note)
 
     def replay(self, progress: Callable[[float], object], asked: Replay) -> StoredInspection:
         """The inspection that it became: simulated, of source `replay`, its scores stored. Raises WorkFailed."""
         recipe, begun_ns, inspection_id = asked.recipe, self._now_ns(), new_id()
-        appearance = self._folder.appearance(recipe.appearance_id)
+        appearance = self._files.local_appearance(recipe.appearance_id)
         names = {
             "result_id": new_id(),
             "product_id": recipe.product_id,
             "part_id": asked.part_id,
             "recipe_id": recipe.recipe_id,
         }
-        shown = {str(asked.recording): f"the recording of {asked.thing}", str(appearance): "the appearance"}
+        shown = {shown_place(asked.recording): f"the recording of {asked.thing}", str(appearance): "the appearance"}
         with naming(shown):
             made = self._desk.do(
                 "replay",
                 {
-                    "recording": str(asked.recording),
+                    "recording": asked.recording,
                     "appearance": str(appearance),
                     "policy": recipe.policy,
                     "names": names,
@@ -166,7 +167,7 @@ class Replays:
         """What another policy would have said of them; nothing is stored. Raises WorkFailed."""
         now: dict[str, Json] = {}
         for appearance_id in dict.fromkeys(each.appearance_id for each in chosen):
-            path = str(self._folder.appearance(appearance_id))
+            path = str(self._files.local_appearance(appearance_id))
             alike = [each for each in chosen if each.appearance_id == appearance_id]
             for at in range(0, len(alike), _AT_A_TIME):
                 some = [self._scored(each) for each in alike[at : at + _AT_A_TIME]]

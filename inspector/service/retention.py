@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 from math import ceil
-from pathlib import Path
 
+from inspector.objects import ObjectError
+from inspector.service.files import Files
 from inspector.stores import AbstractStore
 from inspector.stores.records import StoredRecording
 
@@ -26,7 +26,9 @@ class Retention:
     """What ended longer ago goes, whatever it was."""
     disk_share: float = 0.8
     """Recordings fill no more than this share of what they and the free disk make up: else the oldest OK go first, then
-    the oldest of all others."""
+    the oldest of all others. In a bucket there is no disk."""
+    bytes: int | None = None
+    """And no more than so many; None is no limit."""
 
 
 def over(recorded: int, free: int, share: float) -> int:
@@ -38,11 +40,6 @@ def over(recorded: int, free: int, share: float) -> int:
     (10, 0, 0)
     """
     return max(0, ceil(recorded - share * (recorded + free)))
-
-
-def free_bytes(folder: Path) -> int:
-    """What this program may still write to the disk that the folder is on."""
-    return shutil.disk_usage(folder).free
 
 
 @dataclass(frozen=True)
@@ -78,17 +75,16 @@ def crowded_out(recordings: Iterable[StoredRecording], too_much: int) -> Iterato
 
 def tidy(
     store: AbstractStore,
-    path_of: Callable[[str], Path],
+    files: Files,
     rules: Retention,
     now_ns: int,
     *,
-    free: Callable[[], int],
     enough: Callable[[], bool] = lambda: False,
 ) -> Tidied:
     """Remove what need not stay until it is `enough`, and say so in the store; what is being written is left alone.
 
-    `path_of` gives the file of an inspection, `free` the bytes that are free on its disk. A file that cannot be
-    removed stays in the store, and is tried again next time.
+    A file that cannot be removed stays in the store, and is tried again next time. Of services that share a database,
+    but not their files, each removes its own.
     """
     kept: list[StoredRecording] = []
     removed: list[StoredRecording] = []
@@ -96,20 +92,32 @@ def tidy(
 
     def remove(recording: StoredRecording, why: str) -> None:
         try:
-            path_of(recording.inspection_id).unlink(missing_ok=True)
-        except OSError as error:
-            failures.append(f"recording {recording.inspection_id} cannot be removed: {error.strerror or error}")
+            files.remove("inspection", recording.inspection_id)
+        except (OSError, ObjectError) as error:
+            said = getattr(error, "strerror", None) or error
+            failures.append(f"recording {recording.inspection_id} cannot be removed: {said}")
             return
         store.set_recording(recording.inspection_id, "removed", note=why)
         removed.append(recording)
 
     for recording in takewhile(lambda _: not enough(), _kept(store)):
+        if store.shared and not files.common and files.size("inspection", recording.inspection_id) is None:
+            continue
         why = due(recording, rules, now_ns)
         remove(recording, why) if why else kept.append(recording)
-    too_much = over(sum(each.bytes for each in kept), free(), rules.disk_share)
+    too_much, full = _too_much(sum(each.bytes for each in kept), files.free(), rules)
     for recording in takewhile(lambda _: not enough(), crowded_out(kept, too_much)):
-        remove(recording, f"recordings filled more than {rules.disk_share * 100:g} % of their room on the disk")
+        remove(recording, full)
     return Tidied(len(removed), sum(each.bytes for each in removed), tuple(failures))
+
+
+def _too_much(recorded: int, free: int | None, rules: Retention) -> tuple[int, str]:
+    """Bytes that must go, and why."""
+    on_disk = 0 if free is None else over(recorded, free, rules.disk_share)
+    in_all = 0 if rules.bytes is None else recorded - rules.bytes
+    if in_all > on_disk:
+        return in_all, f"recordings filled more than {rules.bytes} bytes"
+    return on_disk, f"recordings filled more than {rules.disk_share * 100:g} % of their room on the disk"
 
 
 def _kept(store: AbstractStore) -> Iterator[StoredRecording]:

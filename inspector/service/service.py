@@ -6,13 +6,13 @@ import asyncio
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 
 import structlog
 
 from inspector.service.access import Access
 from inspector.service.desk import Desk
 from inspector.service.events import Events
+from inspector.service.files import Files
 from inspector.service.folder import DataFolder
 from inspector.service.inspections import Inspections
 from inspector.service.jobs import Jobs
@@ -21,9 +21,10 @@ from inspector.service.locating import Locating
 from inspector.service.metrics import Metrics
 from inspector.service.peers import Peers
 from inspector.service.pictures import Pictures
+from inspector.service.publishing import Publishing
 from inspector.service.recognising import Recognising
 from inspector.service.replays import Replays
-from inspector.service.retention import DAY_NS, Retention, free_bytes, tidy
+from inspector.service.retention import DAY_NS, Retention, tidy
 from inspector.service.running import Bounds
 from inspector.service.sweeps import Sweeps
 from inspector.service.trends import Trends
@@ -42,6 +43,8 @@ class Service:
     """What the routes ask. Nothing but `settings`, `metrics` and `events` is there before `start`."""
 
     folder: DataFolder
+    files: Files
+    publishing: Publishing
     store: AbstractStore
     peers: Peers
     access: Access
@@ -65,11 +68,12 @@ class Service:
         self._housekeeper: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
-        """Open everything; a second call does nothing. Raises FolderInUse, FolderRefused, StoreError."""
+        """Open everything; a second call does nothing. Raises FolderInUse, FolderRefused, ObjectError, StoreError."""
         if self.started:
             return
         self.folder = await asyncio.to_thread(DataFolder, self.settings.data)
         try:
+            self.files = await asyncio.to_thread(self._open_files)
             self.store = await asyncio.to_thread(open_store, self.settings.database_url)
             try:
                 self.peers = Peers(self.store, self.events, now_ns=self.now_ns, facts=self._facts)
@@ -84,7 +88,7 @@ class Service:
         self.started = True
 
     async def _furnish(self) -> None:
-        settings, store, folder = self.settings, self.store, self.folder
+        settings, store, files = self.settings, self.store, self.files
         await asyncio.to_thread(self._recover)
         self.events.start()
         await self.peers.start()
@@ -94,10 +98,10 @@ class Service:
         learning, recording, looking, showing, naming = self._desks = (
             Desk(learners), Desk(4), Desk(2), Desk(1), Desk(1)
         )  # fmt: skip
-        recognising = Recognising(store, folder, naming)
+        recognising = Recognising(store, files, naming)
         self.jobs = Jobs(
             store,
-            folder,
+            files,
             self.events,
             self.metrics,
             learners=learners,
@@ -106,23 +110,25 @@ class Service:
         )
         self.sweeps = Sweeps(
             store,
-            folder,
+            files,
             looking=looking,
             recording=recording,
             cameras=settings.cameras,
             max_frames=settings.max_frames,
             now_ns=self.now_ns,
         )
-        self.learning = Learning(store, folder, learning, self.now_ns)
-        self.replays = Replays(store, folder, looking, recognising, self.now_ns)
-        self.pictures = Pictures(store, folder, showing)
+        self.learning = Learning(store, files, learning, self.now_ns)
+        self.replays = Replays(store, files, looking, recognising, self.now_ns)
+        self.pictures = Pictures(store, files, showing)
         self.trends = Trends(store, looking)
+        self.publishing = Publishing(store, files, self.metrics)
         self.inspections = Inspections(
             store,
-            folder,
+            files,
             self.events,
             self.metrics,
             recognising,
+            publishing=self.publishing,
             scorers=settings.scorers,
             max_inspections=settings.max_inspections,
             max_pixels=settings.max_pixels,
@@ -130,13 +136,20 @@ class Service:
             idle_seconds=settings.idle_seconds,
         )
         self.workspaces = Workspaces(
-            store, folder, looking=looking, learning=learning, max_bytes=settings.max_recording, now_ns=self.now_ns
+            store, files, looking=looking, learning=learning, max_bytes=settings.max_recording, now_ns=self.now_ns
         )
-        self.locating = Locating(store, folder, self.inspections.pool, most=settings.max_inspections)
+        self.locating = Locating(store, files, self.inspections.pool, most=settings.max_inspections)
         self.inspections.beside = self.locating.loads
+        await asyncio.to_thread(self.publishing.start)
         await self.inspections.start()
         await self.locating.start()
         self._housekeeper = asyncio.create_task(self._keep_house())
+
+    def _open_files(self) -> Files:
+        """In a thread: what cannot be had now is told before anything is inspected."""
+        files = Files(self.folder, self.settings.files)
+        files.check()
+        return files
 
     def _recover(self) -> None:
         """In a thread: what a crash left behind. On a store that is shared, the others find out, or this one does."""
@@ -164,9 +177,10 @@ class Service:
     def _tidy(self) -> None:
         settings, now = self.settings, self.now_ns()
         self.store.forget_claims(now - DAY_NS)
-        rules = Retention(settings.keep_ok_one_in, settings.keep_days, settings.keep_disk_share)
-        free = partial(free_bytes, self.folder.path)
-        done = tidy(self.store, self.folder.inspection, rules, now, free=free, enough=self._stopping.is_set)
+        rules = Retention(
+            settings.keep_ok_one_in, settings.keep_days, settings.keep_disk_share, settings.keep_bytes
+        )  # fmt: skip
+        done = tidy(self.store, self.files, rules, now, enough=self._stopping.is_set)
         for failure in done.failures:
             log.error("recording", state="kept", error=failure)
         if done.removed:
@@ -190,7 +204,7 @@ class Service:
             try:
                 check()
             except InspectionError as error:
-                said.append(self.folder.hidden(str(error)))
+                said.append(self.files.hidden(str(error)))
         return said
 
     async def stop(self, why: str) -> None:
@@ -212,5 +226,6 @@ class Service:
         for desk in self._desks:
             desk.close()
         self.jobs.close()
+        self.publishing.close()
         self.store.close()
         self.folder.close()

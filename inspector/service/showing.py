@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from math import isfinite
-from pathlib import Path
 
 import numpy as np
 
 from inspector.drawing import heat
 from inspector.learner import load_appearance
+from inspector.locations import Location, to_location
 from inspector.picture_headers import kind_of
 from inspector.pictures import decode, encode_jpeg, encode_png
 from inspector.recording import SweepReader
@@ -47,12 +47,12 @@ class Shelf:
 
     def __init__(self, most_bytes: int = _HELD_BYTES) -> None:
         self._most, self._bytes = most_bytes, 0
-        self._kept: OrderedDict[tuple[Path, int], Kept] = OrderedDict()
-        self._passes: OrderedDict[Path, Iterator[tuple[int, Frame]]] = OrderedDict()
-        self._reached: dict[Path, int] = {}
+        self._kept: OrderedDict[tuple[Location, int], Kept] = OrderedDict()
+        self._passes: OrderedDict[Location, Iterator[tuple[int, Frame]]] = OrderedDict()
+        self._reached: dict[Location, int] = {}
         """The next index of each pass."""
 
-    def frame(self, path: Path, index: int) -> Kept | None:
+    def frame(self, path: Location, index: int) -> Kept | None:
         """The frame that is so manieth in the recording, counted from 0; None where it has no such. RecordingError."""
         if (path, index) in self._kept:
             self._kept.move_to_end((path, index))
@@ -65,7 +65,7 @@ class Shelf:
                 return kept
         return None
 
-    def _pass(self, path: Path, index: int) -> Iterator[tuple[int, Frame]]:
+    def _pass(self, path: Location, index: int) -> Iterator[tuple[int, Frame]]:
         if path not in self._passes or index < self._reached[path]:
             self._passes[path], self._reached[path] = enumerate(SweepReader(path)), 0
         self._passes.move_to_end(path)
@@ -73,7 +73,7 @@ class Shelf:
             del self._reached[self._passes.popitem(last=False)[0]]
         return self._passes[path]
 
-    def _keep(self, key: tuple[Path, int], kept: Kept) -> None:
+    def _keep(self, key: tuple[Location, int], kept: Kept) -> None:
         if key not in self._kept:
             self._bytes += len(kept.picture.data)
         self._kept[key] = kept
@@ -91,7 +91,7 @@ def picture(
 
     A sentence where there is no such picture. Raises RecordingError, AppearanceError.
     """
-    kept = _shelf.frame(Path(recording), index)
+    kept = _shelf.frame(to_location(recording), index)
     if kept is None or (scored is not None and scored.t_ns != kept.t_ns):
         return "the recording does not have it, or has lost frames"
     if kind == "frame":

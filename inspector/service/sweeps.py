@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from inspector.errors import CameraError
+from inspector.errors import CameraError, WorldError
 from inspector.service.desk import Desk, Outcome, naming
-from inspector.service.folder import DataFolder, new_id, remove
+from inspector.service.files import Files
+from inspector.service.folder import new_id, remove
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, Sweep, SweepSource
 
@@ -41,7 +43,7 @@ class Sweeps:
     def __init__(
         self,
         store: AbstractStore,
-        folder: DataFolder,
+        files: Files,
         *,
         looking: Desk,
         recording: Desk,
@@ -49,7 +51,7 @@ class Sweeps:
         max_frames: int,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._store, self._folder, self._looking, self._recording = store, folder, looking, recording
+        self._store, self._files, self._looking, self._recording = store, files, looking, recording
         self._cameras, self._max_frames, self._now_ns = cameras, max_frames, now_ns
 
     def url(self, camera: str) -> str:
@@ -59,7 +61,10 @@ class Sweeps:
         return self._cameras[camera]
 
     def keep(self, product_id: str, part_id: str | None, received: Received) -> Sweep:
-        """A recording that was received becomes a sweep, where it is one. Raises WorkFailed, NotWritten."""
+        """A recording that was received becomes a sweep, where it is one.
+
+        Raises WorkFailed, NotWritten, ObjectError.
+        """
         try:
             with naming({str(received.draft): "the recording"}):
                 found = self._looking.do(
@@ -80,8 +85,8 @@ class Sweeps:
         seconds: float | None,
         frames: int | None,
     ) -> Json:
-        """A sweep from a camera, as the outcome of a job. Raises NoSuchCamera, WorkFailed, NotWritten."""
-        url, draft = self.url(camera), self._folder.incoming()
+        """A sweep from a camera, as the outcome of a job. Raises NoSuchCamera, WorkFailed, NotWritten, ObjectError."""
+        url, draft = self.url(camera), self._files.incoming()
         asked = {"camera": url, "recording": str(draft), "seconds": seconds, "frames": frames}
         try:
             with naming({str(draft): "the recording", url: f"camera {camera}"}):
@@ -96,7 +101,7 @@ class Sweeps:
         self, received: Received, product_id: str, part_id: str | None, found: Outcome, source: SweepSource
     ) -> Sweep:
         sweep_id, losses = new_id(), tuple(found["losses"])
-        self._folder.keep(received.draft, self._folder.sweep(sweep_id))
+        self._files.publish(received.draft, "sweep", sweep_id)
         sweep = Sweep(
             sweep_id,
             product_id,
@@ -111,6 +116,7 @@ class Sweeps:
         try:
             self._store.add_sweep(sweep)
         except BaseException:
-            remove(self._folder.sweep(sweep_id))
+            with suppress(OSError, WorldError):
+                self._files.remove("sweep", sweep_id)
             raise
         return sweep

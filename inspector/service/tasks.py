@@ -62,7 +62,7 @@ class TooManyFrames(RecordingError):
 
 def survey(progress: Progress, *, recording: str, max_frames: int) -> Json:
     """What a recording holds, every frame of it read. Raises RecordingError."""
-    reader, count = SweepReader(Path(recording)), 0
+    reader, count = SweepReader(recording), 0
     announced = count_frames(reader.path)
     for _ in reader:
         count += 1
@@ -168,7 +168,7 @@ def replay(
 
     `others` are the appearances of other products, one of which it may be of.
     """
-    reader, learnt, judged_by = SweepReader(Path(recording)), load_cached(appearance), Policy(**policy)
+    reader, learnt, judged_by = SweepReader(recording), load_cached(appearance), Policy(**policy)
     announced = count_frames(reader.path)
 
     def tell(frame: Frame, scored: ScoredFrame) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from inspector.service.desk import Desk, naming
-from inspector.service.folder import DataFolder, remove
+from inspector.service.files import Files
+from inspector.service.folder import remove
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, StoredWorkspace, WorkspaceSource
 
@@ -22,14 +23,14 @@ class Workspaces:
     def __init__(
         self,
         store: AbstractStore,
-        folder: DataFolder,
+        files: Files,
         *,
         looking: Desk,
         learning: Desk,
         max_bytes: int,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._store, self._folder, self._looking, self._learning = store, folder, looking, learning
+        self._store, self._files, self._looking, self._learning = store, files, looking, learning
         self._max_bytes, self._now_ns = max_bytes, now_ns
 
     def keep(self, draft: Path, name: str | None) -> StoredWorkspace:
@@ -45,7 +46,7 @@ class Workspaces:
 
         Raises WorkFailed, NotWritten.
         """
-        draft, unpacked = self._folder.incoming(), self._folder.incoming()
+        draft, unpacked = self._files.incoming(), self._files.incoming()
         asked: Json = {
             "pictures": str(pictures), "folder": str(unpacked), "periods": dict(periods), "workspace": str(draft),
             "max_bytes": self._max_bytes, "max_files": MAX_FILES,
@@ -61,10 +62,9 @@ class Workspaces:
         return {"workspace_id": stored.workspace_id}
 
     def _add(self, draft: Path, name: str | None, source: WorkspaceSource, found: Json) -> StoredWorkspace:
-        path = self._folder.workspace(found["workspace_id"])
         # The name is the hash of what is in it: what is there already is the same.
-        if not path.exists():
-            self._folder.keep(draft, path)
+        if self._files.size("workspace", found["workspace_id"]) is None:
+            self._files.publish(draft, "workspace", found["workspace_id"])
         return self._store.add_workspace(
             StoredWorkspace(found["workspace_id"], name, self._now_ns(), source, found["facts"], found["bytes"])
         )

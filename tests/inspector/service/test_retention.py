@@ -7,18 +7,21 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from inspector.service import retention
-from inspector.service.folder import new_id
-from inspector.service.retention import DAY_NS, Retention, crowded_out, due, free_bytes, over, tidy
+from inspector.service.files import Files, Kind
+from inspector.service.folder import DataFolder, new_id
+from inspector.service.retention import DAY_NS, Retention, crowded_out, due, over, tidy
 from inspector.service.service import Service
 from inspector.settings import Settings
 from inspector.stores import AbstractStore, open_store
 from inspector.stores.records import StoredAppearance, StoredRecording
+from tests.buckets import Buckets
 
 NOW = 1_000 * DAY_NS
 OK = StoredRecording("i", 1, "plate", "completed", "OK", "live", NOW, 1, 100)
@@ -72,7 +75,7 @@ def test_the_oldest_ok_go_first_then_the_others_and_no_more_than_needed(
 
 
 class Folder:
-    """Recordings of 100 bytes on a disk of 1000."""
+    """Recordings of 100 bytes on a disk of 1000; to what tidies up, the Files of a service."""
 
     def __init__(self, path: Path, store: AbstractStore) -> None:
         self.path, self.store = path, store
@@ -94,11 +97,14 @@ class Folder:
     def of(self, inspection_id: str) -> Path:
         return self.path / f"{inspection_id}.mcap"
 
+    def remove(self, kind: Kind, id: str) -> None:
+        self.of(id).unlink(missing_ok=True)
+
     def free(self) -> int:
         return 1000 - sum(file.stat().st_size for file in self.path.iterdir() if file.is_file())
 
     def tidy(self, rules: Retention, now_ns: int = NOW) -> retention.Tidied:
-        return tidy(self.store, self.of, rules, now_ns, free=self.free)
+        return tidy(self.store, cast("Files", self), rules, now_ns)
 
     def there(self) -> str:
         """What the files and the store agree on."""
@@ -146,10 +152,10 @@ def test_it_ends_where_the_service_does(folder: Folder) -> None:
     for name in "abc":
         folder.add(name, "NG", ended_ns=0)
     answers = iter([False, False, True, True])
-    done = tidy(folder.store, folder.of, Retention(), NOW, free=folder.free, enough=lambda: next(answers))
+    done = tidy(folder.store, cast("Files", folder), Retention(), NOW, enough=lambda: next(answers))
     assert (done.removed, folder.there()) == (2, "c")
     with_no_days = Retention(days=10_000, disk_share=0.01)
-    assert tidy(folder.store, folder.of, with_no_days, NOW, free=folder.free, enough=lambda: True).removed == 0
+    assert tidy(folder.store, cast("Files", folder), with_no_days, NOW, enough=lambda: True).removed == 0
 
 
 def test_a_file_that_cannot_be_removed_is_told_and_tried_again(folder: Folder) -> None:
@@ -166,8 +172,29 @@ def test_a_file_that_cannot_be_removed_is_told_and_tried_again(folder: Folder) -
     assert folder.there() == ""
 
 
-def test_the_disk_is_asked_of_the_system(tmp_path: Path) -> None:
-    assert free_bytes(tmp_path) > 0
+def test_so_many_bytes_and_no_more(folder: Folder) -> None:
+    for name, verdict in zip("abcd", ["NG", "OK", "OK", "NG"], strict=True):
+        folder.add(name, verdict)
+    folder.tidy(Retention(bytes=250))
+    assert folder.there() == "ad"
+    assert folder.store.inspection("b").recording_note == "recordings filled more than 250 bytes"
+    folder.tidy(Retention(bytes=199))
+    assert folder.there() == "d"
+
+
+def test_in_a_bucket_recordings_go_by_days_and_bytes(tmp_path: Path, buckets: Buckets) -> None:
+    place = DataFolder(tmp_path / "data")
+    files, ids = Files(place, buckets.new()), [new_id() for _ in range(3)]
+    with open_store("memory:") as store:
+        folder = Folder(tmp_path, store)
+        for id, ended_ns in zip(ids, (0, NOW - 1, NOW), strict=True):
+            folder.add(id, "NG", ended_ns)
+            files.publish(folder.of(id), "inspection", id)
+        assert tidy(store, files, Retention(disk_share=0.01), NOW).removed == 1
+        assert [files.size("inspection", id) for id in ids] == [None, 100, 100]
+        assert tidy(store, files, Retention(bytes=100), NOW).removed == 1
+        assert [files.size("inspection", id) for id in ids] == [None, None, 100]
+    place.close()
 
 
 def test_a_service_removes_what_is_due(tmp_path: Path) -> None:
