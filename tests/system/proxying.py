@@ -14,14 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.system import composed
 from tests.system.names import Names, names
-from tests.system.repository import ROOT
 
-CONFIGURATION = ROOT / "docker/haproxy.cfg"
 NEEDED = "INSPECTOR_TESTS_NEED_HAPROXY"
 """Set where tests without HAProxy would prove too little: what would be skipped fails."""
-MOST = 8
-"""Services; each has an address."""
 PATIENCE = 30.0
 
 
@@ -50,23 +47,17 @@ def program() -> str:
 
 
 @contextmanager
-def proxy(folder: Path, **more: str) -> Iterator[Proxy]:
-    """HAProxy as the compose file runs it; ended in the end."""
-    haproxy, port = program(), _free_everywhere()
+def proxy(folder: Path) -> Iterator[Proxy]:
+    """HAProxy as the compose file runs it, on the file that is in the repository; ended in the end."""
+    haproxy, port, listen = program(), free_everywhere(), free_everywhere()
     with ExitStack() as held:
         known = held.enter_context(names())
-        listen = _free_everywhere()
-        environment = {
-            **os.environ,
-            "NODES": f"inspector:{port}",
-            "DNS": f"127.0.0.1:{known.port}",
-            "LISTEN": f"127.0.0.1:{listen}",
-        }
+        here = {"inspector:8000": f"inspector:{port}", "127.0.0.11:53": f"127.0.0.1:{known.port}"}
+        environment = os.environ | composed.environment("haproxy", here | {":8000": f"127.0.0.1:{listen}"})
         log = folder / "haproxy.log"
         out = held.enter_context(log.open("ab"))
-        process = subprocess.Popen(
-            [haproxy, "-db", "-f", CONFIGURATION], env=environment | more, stdout=out, stderr=out
-        )
+        file = composed.mounted("haproxy", "/usr/local/etc/haproxy/haproxy.cfg")
+        process = subprocess.Popen([haproxy, "-db", "-f", file], env=environment, stdout=out, stderr=out)
         held.callback(process.wait, PATIENCE)
         held.callback(process.terminate)
         deadline = time.monotonic() + PATIENCE
@@ -82,7 +73,7 @@ def _listens(port: int) -> bool:
         return tried.connect_ex(("127.0.0.1", port)) == 0
 
 
-def _free_everywhere() -> int:
+def free_everywhere() -> int:
     """A port that nobody listens at on any address."""
     with socket.socket() as free:
         free.bind(("0.0.0.0", 0))

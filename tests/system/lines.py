@@ -1,0 +1,173 @@
+"""Lines and dashboards for tests of several services: threads that note what they were told."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import httpx2
+
+from inspector.client import Client
+from inspector.recording import SweepReader
+from inspector.replay import replay
+from tests.api.stations import BAD, GOOD, PRODUCT, frames, learnt, sweep
+
+OPTIONS = (BAD, GOOD)
+IN_THE_MIDDLE = 10
+"""Frames of a part, of about forty."""
+EACH_SECONDS = 0.15
+"""The pace of a camera that many of can be tried on one machine."""
+PATIENCE = 120.0
+
+
+class Front(Protocol):
+    """Whatever leads to the services."""
+
+    url: str
+    token: str
+
+    def client(self) -> Client: ...
+
+    def get(self, path: str) -> httpx2.Response: ...
+
+
+@dataclass
+class Part:
+    """What a line knows of one inspection."""
+
+    options: str
+    inspection: str = ""
+    counts: Counter[str] = field(default_factory=Counter[str])
+    heard: list[tuple[float, str]] = field(default_factory=list[tuple[float, str]])
+    result: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    def silence(self, since: float) -> float:
+        """Seconds from then until anything was said again."""
+        return min((at - since for at, _ in self.heard if at > since), default=float("inf"))
+
+    def check(self, front: Front) -> None:
+        """It has the result that its recording has, at the line and for everybody, and no frame was lost."""
+        assert self.counts["scored"] == len(frames(self.options))
+        assert (self.counts["dropped"], self.result["frames_dropped"]) == (0, 0)
+        assert self.result["digest"] == offline(self.options)
+        assert front.get(f"/v1/inspections/{self.inspection}/result").json() == self.result
+
+
+class Line(threading.Thread):
+    """A line that inspects parts at the pace of a camera: one, or one after the other as long as `more` says so."""
+
+    def __init__(self, front: Front, number: int, *, way: str = "ws", more: Callable[[], bool] = lambda: False) -> None:
+        super().__init__(daemon=True)
+        self._front, self._number, self._way, self._more = front, number, way, more
+        self.parts: list[Part] = []
+        self.went_wrong: BaseException | None = None
+
+    @property
+    def now(self) -> Part:
+        """Which is under the camera."""
+        return self.parts[-1]
+
+    def run(self) -> None:
+        try:
+            with self._front.client() as client:
+                self._inspect(client)
+                while self._more():
+                    self._inspect(client)
+        except BaseException as error:
+            self.went_wrong = error
+
+    def _inspect(self, client: Client) -> None:
+        part = Part(OPTIONS[(self._number + len(self.parts)) % len(OPTIONS)])
+        self.parts.append(part)
+
+        def hear(message: dict[str, Any]) -> None:
+            part.heard.append((time.monotonic(), message["kind"]))
+
+        name = f"{self._number:02}-{len(self.parts):03}"
+        with client.begin(PRODUCT, name, transport=self._way, on_message=hear) as inspection:
+            part.inspection, part.counts = inspection.inspection_id, inspection.counts
+            for frame in frames(part.options):
+                inspection.send(frame)
+                inspection.wait(EACH_SECONDS)
+            part.result = inspection.conclude()
+
+
+def started(front: Front, count: int, **options: Any) -> list[Line]:
+    """So many lines at work."""
+    for each in OPTIONS:
+        # Made here, once: lines are threads.
+        frames(each)
+    lines = [Line(front, number, **options) for number in range(count)]
+    for line in lines:
+        line.start()
+    return lines
+
+
+def come_to(lines: Sequence[Line], scored: int) -> None:
+    """Return when so many frames of each line's part are scored."""
+    deadline = time.monotonic() + PATIENCE
+    while not all(line.parts and line.now.counts["scored"] >= scored for line in lines):
+        well(lines)
+        assert time.monotonic() < deadline, [line.parts for line in lines]
+        time.sleep(0.02)
+
+
+def end_well(front: Front, lines: Sequence[Line]) -> None:
+    """All of their parts are as they should be."""
+    for line in lines:
+        line.join(PATIENCE)
+        assert not line.is_alive(), line.parts
+    well(lines)
+    for line in lines:
+        for part in line.parts:
+            part.check(front)
+
+
+def well(lines: Sequence[Line]) -> None:
+    """Nothing was raised in any line."""
+    assert [line.went_wrong for line in lines if line.went_wrong] == []
+
+
+def offline(options: str) -> str:
+    """The digest of that recording's replay."""
+    return replay(SweepReader(sweep(options)), learnt()).result.digest
+
+
+class Dashboard(threading.Thread):
+    """Somebody who looks at what one address tells, and goes on looking."""
+
+    def __init__(self, url: str, token: str, **headers: str) -> None:
+        super().__init__(daemon=True)
+        self._url, self._headers = url, {"Authorization": f"Bearer {token}"} | headers
+        self.seen: dict[str, set[str]] = {}
+        """Of which inspections, by the kind of event."""
+        self.ready = threading.Event()
+        self.start()
+
+    def has(self, kind: str, inspections: set[str]) -> bool:
+        """Whether all of these were told of."""
+        return self.seen.get(kind, set()) >= inspections
+
+    def run(self) -> None:
+        while True:
+            try:
+                with httpx2.stream("GET", f"{self._url}/v1/events", headers=self._headers, timeout=30) as events:
+                    self._read(events.iter_lines())
+            except httpx2.TransportError:
+                time.sleep(0.2)
+
+    def _read(self, lines: Iterator[str]) -> None:
+        kind = ""
+        for line in lines:
+            name, _, value = line.partition(": ")
+            if name == "event":
+                kind = value
+                self.ready.set()
+            elif name == "data" and kind:
+                told = json.loads(value)
+                self.seen.setdefault(kind, set()).add(told.get("inspection_id", ""))
