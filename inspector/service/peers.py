@@ -31,6 +31,8 @@ DEAD_SECONDS = 3.0
 TELL_SECONDS = 0.25
 """Events are told so often, as many at a time as there are."""
 GONE = "the service that did this does not answer any more"
+STOPPED = "the service that did this was stopped"
+_LONG_SECONDS = 86_400.0
 _LINGER_SECONDS = 30.0
 """For so long after the last listener left, everything is still told to this service."""
 _UNTOLD = 4096
@@ -131,6 +133,8 @@ class Peers:
 
     def _join(self) -> None:
         self._store.join(self.node_id, self.name, self._started_ns)
+        # Who was silent for a while is buried by the heart, when it is sure of it.
+        self._told_of(self._store.bury(_LONG_SECONDS, GONE), GONE)
         self._look()
         self._ear.enter_context(self._store.listen(self.node_id, self._heard))
 
@@ -138,12 +142,13 @@ class Peers:
         self._closed.set()
         self._heart.join()
         self._voice.shutdown()
-        self._say([*self._batches(), _message({"from": self.node_id, "do": "left"})])
         try:
-            self._store.leave(self.node_id)
+            for kind, facts in self._lost(self._store.leave(self.node_id, STOPPED), STOPPED):
+                self._untold.append((kind, json.dumps(facts)))
         except StoreError as error:
             # The others find out for themselves.
             self._log.warning("service not signed off", error=str(error))
+        self._say([*self._batches(), _message({"from": self.node_id, "do": "left"})])
         self._ear.close()
 
     def _live(self) -> None:
@@ -154,7 +159,7 @@ class Peers:
                 silent = [node for node in self._look() if node.silent_seconds > DEAD_SECONDS]
                 # Where the database was away, all were silent: they may speak before anybody is buried.
                 if silent and time.monotonic() - steady > DEAD_SECONDS:
-                    self._bury()
+                    self._told_of(self._store.bury(DEAD_SECONDS, GONE), GONE)
             except StoreError as error:
                 steady = time.monotonic()
                 if self._silent_because is None:
@@ -176,28 +181,28 @@ class Peers:
         self._soon(self._saw, others)
         return others
 
-    def _bury(self) -> None:
-        buried = self._store.bury(DEAD_SECONDS, GONE)
-        products = {each: self._store.inspection(each).product_id for each in buried.inspection_ids}
-        self._soon(self._buried, buried, products)
+    def _told_of(self, buried: Buried, why: str) -> None:
+        for node in buried.nodes:
+            self._log.warning("service gone", node_id=node.node_id, name=node.name)
+            self._soon(self._forget, node.node_id)
+        for kind, facts in self._lost(buried, why):
+            self._events.publish_soon(kind, **facts)
+
+    def _lost(self, buried: Buried, why: str) -> Iterator[tuple[str, Json]]:
+        """Events of what services had that are gone."""
+        for job_id in buried.job_ids:
+            self._log.warning("job", job_id=job_id, state="failed", error=why)
+            yield "job", {"job_id": job_id, "state": "failed", "error": why}
+        for inspection_id in buried.inspection_ids:
+            names = {"inspection_id": inspection_id, "product_id": self._store.inspection(inspection_id).product_id}
+            self._log.warning("inspection", **names, state="interrupted", why=why)
+            yield "interrupted", {**names, "reason": why}
 
     def _soon(self, function: Callable[..., object], *arguments: object) -> None:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(function, *arguments)
 
     # What the heart found out: on the event loop.
-
-    def _buried(self, buried: Buried, products: dict[str, str]) -> None:
-        for node in buried.nodes:
-            self._log.warning("service gone", node_id=node.node_id, name=node.name)
-            self._forget(node.node_id)
-        for job_id in buried.job_ids:
-            self._log.warning("job", job_id=job_id, state="failed", error=GONE)
-            self._events.publish("job", job_id=job_id, state="failed", error=GONE)
-        for inspection_id, product_id in products.items():
-            names = {"inspection_id": inspection_id, "product_id": product_id}
-            self._log.warning("inspection", **names, state="interrupted")
-            self._events.publish("interrupted", **names, reason=GONE)
 
     def _saw(self, others: Iterable[Node]) -> None:
         # What a service told itself may be newer than what it has in the store.

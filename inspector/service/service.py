@@ -218,14 +218,14 @@ class Service:
         await self.inspections.stop()
         if self._housekeeper is not None:
             await self._housekeeper
-        await self.peers.stop()
         self.events.close()
-        await asyncio.to_thread(self._close)
+        await asyncio.to_thread(self._end_work)
+        await self.peers.stop()
+        await asyncio.to_thread(self.store.close)
+        self.folder.close()
 
-    def _close(self) -> None:
+    def _end_work(self) -> None:
         for desk in self._desks:
             desk.close()
         self.jobs.close()
         self.publishing.close()
-        self.store.close()
-        self.folder.close()

@@ -542,8 +542,8 @@ class AbstractStore(ABC):
         """It lives, and says this of itself; None: what it said before. Raises NoSuchNode: it was taken for gone."""
 
     @abstractmethod
-    def leave(self, node_id: str) -> None:
-        """It works on it no more. A second call does nothing."""
+    def leave(self, node_id: str, why: str) -> Buried:
+        """It works on it no more; what it had, or nobody had, is free as with `bury`. A second call does no harm."""
 
     @abstractmethod
     def nodes(self) -> tuple[Node, ...]:

@@ -567,7 +567,7 @@ class StoreContract(ABC):
         assert one.silent_seconds < 60
         assert 3600 <= two.silent_seconds < 3660
         for _ in range(2):
-            store.leave("n1")
+            store.leave("n1", "it was stopped")
         assert [node.node_id for node in store.nodes()] == ["n2"]
         with pytest.raises(NoSuchNode, match="there is no service 'n1'"):
             store.beat("n1")
@@ -590,6 +590,7 @@ class StoreContract(ABC):
         nobody = store.bury(60, "it is gone")
         assert (nobody.nodes, nobody.job_ids, nobody.inspection_ids) == ((), ("j-nobody",), ("i-nobody",))
         behind(store, "UPDATE nodes SET beaten_ns = beaten_ns - 3600000000000 WHERE node_id = 'dead'")
+        assert store.claim("begin", "lives", "", NOW).state == "pending"
         buried = [each for each in at_once(lambda k: store.bury(60, "it is gone"), 4) if isinstance(each, Buried)]
         assert len(buried) == 4
         assert [node.node_id for each in buried for node in each.nodes] == ["dead"]
@@ -598,11 +599,14 @@ class StoreContract(ABC):
         job, left = store.job("j-dead"), store.inspection("i-dead")
         assert (job.state, job.error, store.job("j-lives").state) == ("failed", "it is gone", "running")
         assert (left.state, left.node, store.inspection("i-lives").node) == ("processing", None, "lives")
+        gone = store.leave("lives", "it was stopped")
+        assert ([node.node_id for node in gone.nodes], gone.inspection_ids) == (["lives"], ("i-lives",))
+        assert store.job("j-lives").error == "it was stopped"
         assert abs((left.left_ns or 0) - time.time_ns()) < 60e9
         assert abs((job.ended_ns or 0) - time.time_ns()) < 60e9
-        assert [each.inspection_id for each in store.ownerless()] == ["i-dead", "i-nobody"]
+        assert sorted(each.inspection_id for each in store.ownerless()) == ["i-dead", "i-lives", "i-nobody"]
         claims = {key: store.claim("begin", key, "", NOW).state for key in ("dead", "dead, settled", "lives")}
-        assert claims == {"dead": "new", "dead, settled": "settled", "lives": "pending"}
+        assert claims == {"dead": "new", "dead, settled": "settled", "lives": "new"}
 
     def test_an_inspection_is_of_one_service_and_no_other_writes_to_it(self, store: AbstractStore) -> None:
         learnt(store)

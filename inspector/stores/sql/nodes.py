@@ -36,9 +36,8 @@ class Nodes(Room):
             if not connection.execute(update(NODES).where(NODES.c.node_id == node_id).values(values)).rowcount:
                 raise NoSuchNode(node_id)
 
-    def leave(self, node_id: str) -> None:
-        with self._database.writing() as connection:
-            connection.execute(delete(NODES).where(NODES.c.node_id == node_id))
+    def leave(self, node_id: str, why: str) -> Buried:
+        return self._gone(why, NODES.c.node_id == node_id)
 
     def nodes(self) -> tuple[Node, ...]:
         with self._database.reading() as connection:
@@ -46,10 +45,15 @@ class Nodes(Room):
             return tuple(map(_node, connection.execute(query)))
 
     def bury(self, silent_seconds: float, why: str) -> Buried:
+        return self._gone(why, silent_seconds=silent_seconds)
+
+    def _gone(self, why: str, which: ColumnElement[bool] | None = None, silent_seconds: float = 0) -> Buried:
+        """Those services, or those that were silent, are not there any more; nobody does what they did."""
         with self._database.writing() as connection:
             now = database_ns(connection)
-            silent = delete(NODES).where(NODES.c.beaten_ns < now - int(silent_seconds * 1e9))
-            dead = connection.execute(silent.returning(NODES, now.label("now_ns"))).all()
+            if which is None:
+                which = NODES.c.beaten_ns < now - int(silent_seconds * 1e9)
+            dead = connection.execute(delete(NODES).where(which).returning(NODES, now.label("now_ns"))).all()
             jobs = (
                 update(JOBS)
                 .where(JOBS.c.state == "running", _undone(JOBS.c.node))

@@ -148,8 +148,10 @@ class _Ear:
                 for notification in driver.notifies(timeout=_TURN_SECONDS):
                     self._hear(notification.payload)
         finally:
+            # Without a rollback, which would complain where the server is gone.
+            pooled.invalidate()
             with suppress(*self._database.errors):
-                pooled.close()
+                driver.close()
 
     def _hear(self, said: str) -> None:
         if said.startswith("="):

@@ -14,7 +14,7 @@ import pytest
 
 from inspector.service import peers as module
 from inspector.service.events import EVERY, Event, Events
-from inspector.service.peers import GONE, Peers
+from inspector.service.peers import GONE, STOPPED, Peers
 from inspector.stores import AbstractStore, open_store
 from tests.contracts.stores import NOW, begin, behind, engine, learnt
 from tests.postgresql import Server
@@ -199,10 +199,36 @@ def test_who_is_silent_is_buried_and_all_are_told_what_it_had(postgresql: Server
     run(work())
 
 
+def test_what_a_service_that_stops_did_not_end_is_free(postgresql: Server) -> None:
+    async def work() -> None:
+        async with places(postgresql.new_database()) as (one, two):
+            learnt(one.store)
+            begin(one.store, "i1", node=two.peers.node_id)
+            one.store.add_job("j1", "learn", "plate", {}, NOW, node=two.peers.node_id)
+            await two.peers.stop()
+            assert (one.store.job("j1").error, one.store.inspection("i1").node) == (STOPPED, None)
+            await until(lambda: one.told("interrupted"))
+            assert [job["job_id"] for job in one.told("job")] == ["j1"]
+
+    run(work())
+
+
+def test_what_was_left_before_services_had_names_is_free_when_one_starts(postgresql: Server) -> None:
+    url = postgresql.new_database()
+    with open_store(url) as store:
+        store.add_job("j1", "learn", "plate", {}, NOW)
+
+    async def work() -> None:
+        async with places(url, 1) as (one,):
+            assert one.store.job("j1").state == "failed"
+
+    run(work())
+
+
 def test_who_was_taken_for_gone_joins_again(postgresql: Server) -> None:
     async def work() -> None:
         async with places(postgresql.new_database()) as (one, two):
-            one.store.leave(two.peers.node_id)
+            one.store.leave(two.peers.node_id, "a mistake")
             await until(lambda: two.peers.node_id in {node.node_id for node in one.store.nodes()})
             two.events.publish("begun")
             await until(lambda: one.told("begun"))
