@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int, UInt
-from safetensors.numpy import load, save
 
 from models.eigenspace import Eigenspace
 from models.encoder import Encoder, leads_on
@@ -26,11 +23,18 @@ from models.position import Track
 from models.preparation import Preparation
 from models.references import References
 from models.registration import Grid
+from models.sealed import Seal, under
 from models.turning import Turn
 
-MAGIC = b"sweep-appearance"
 VERSION = 3
-_HASH = 32
+SEAL = Seal(
+    "appearance",
+    VERSION,
+    AppearanceError,
+    "`inspector learn` makes them",
+    "learn the part again",
+    "restore it, or learn again",
+)
 _HUGE = 1e9
 
 
@@ -38,8 +42,7 @@ _HUGE = 1e9
 class Appearance:
     """What a part looks like along a sweep, over n places, m of them with a picture.
 
-    Made by `models.learning.learn`. The bytes are a tag, a version, the SHA-256 of what follows, and a safetensors
-    archive: arrays and one JSON header, no code.
+    Made by `models.learning.learn`. The bytes are sealed (`models.sealed`).
     """
 
     preparation: Preparation
@@ -160,19 +163,17 @@ class Appearance:
             "interval_ns": self.interval_ns,
             "facts": dict(self.facts),
         }
-        text = json.dumps(header, sort_keys=True, separators=(",", ":"))
-        payload = save({k: np.ascontiguousarray(v) for k, v in arrays.items()}, {"appearance": text})
-        return MAGIC + VERSION.to_bytes(4, "little") + hashlib.sha256(payload).digest() + payload
+        return SEAL.to_bytes(arrays, header)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Appearance:
         """Verified: raises AppearanceError for a file that is foreign, newer, cut or changed in any bit."""
-        arrays, header = _opened(data)
+        arrays, header = SEAL.opened(data)
         try:
             return cls(
-                Preparation.from_parts(header["preparation"], _under("preparation.", arrays)),
-                Eigenspace.from_arrays(_under("eigenspace.", arrays)),
-                Manifold.from_parts(header["manifold"], _under("manifold.", arrays)),
+                Preparation.from_parts(header["preparation"], under("preparation.", arrays)),
+                Eigenspace.from_arrays(under("eigenspace.", arrays)),
+                Manifold.from_parts(header["manifold"], under("manifold.", arrays)),
                 arrays["slope"],
                 arrays["motion"],
                 bool(header["shifts"]),
@@ -250,27 +251,6 @@ class Appearance:
             raise AppearanceError(f"the appearance tolerates nothing: {self.limits}, noise {self.noise}")
 
 
-def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    start = len(MAGIC) + 4
-    if data[: len(MAGIC)] != MAGIC:
-        raise AppearanceError("not an appearance: it does not begin as one; `inspector learn` makes them")
-    version = int.from_bytes(data[len(MAGIC) : start], "little")
-    if version != VERSION:
-        raise AppearanceError(
-            f"the appearance has format version {version}, this program reads {VERSION}: learn the part again"
-        )
-    payload = data[start + _HASH :]
-    if hashlib.sha256(payload).digest() != data[start : start + _HASH]:
-        raise AppearanceError("the appearance is damaged: its checksum does not fit; restore it, or learn again")
-    try:
-        arrays = load(payload)
-        size = int.from_bytes(payload[:8], "little")
-        return arrays, json.loads(json.loads(payload[8 : 8 + size])["__metadata__"]["appearance"])
-    # whatever a file made by hand does to those who read it
-    except Exception as error:
-        raise AppearanceError(f"the appearance cannot be read: {error}") from error
-
-
 def _joined(name: str, parts: tuple[bytes, ...]) -> dict[str, np.ndarray]:
     ends = np.cumsum([len(part) for part in parts], dtype=np.int64)
     return {name: np.frombuffer(b"".join(parts), np.uint8), f"{name}.ends": ends}
@@ -279,7 +259,3 @@ def _joined(name: str, parts: tuple[bytes, ...]) -> dict[str, np.ndarray]:
 def _parted(name: str, arrays: Mapping[str, np.ndarray]) -> tuple[bytes, ...]:
     data, ends = arrays[name].tobytes(), [0, *map(int, arrays[f"{name}.ends"])]
     return tuple(data[a:b] for a, b in pairwise(ends))
-
-
-def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

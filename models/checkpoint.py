@@ -7,14 +7,11 @@ that scoring carries from frame to frame.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
-from safetensors.numpy import load, save
 
 from models.appearance import Appearance
 from models.beginning import Beginning
@@ -27,16 +24,22 @@ from models.localise import Trail
 from models.persistence import PLACES, Sight
 from models.position import Places
 from models.scoring import Memory
+from models.sealed import Arrays, Seal
 from models.verdict import Policy, ScoredFrame
 
-MAGIC = b"sweep-checkpoint"
 VERSION = 1
-_HASH = 32
-Arrays = dict[str, np.ndarray]
+SEAL = Seal(
+    "checkpoint",
+    VERSION,
+    CheckpointError,
+    "only a running inspection makes them",
+    "it cannot be gone on with here",
+    "it cannot be gone on with",
+)
 
 
 def to_bytes(inspection: Inspection) -> bytes:
-    """Of an inspection between two frames: a tag, a version, the SHA-256 of what follows, and a safetensors archive.
+    """Of an inspection between two frames; sealed (`models.sealed`).
 
     Without `inspection.frames`, without the appearance, which is named, and without the pictures of
     `inspection.beginning.kept`. The same inspection always gives the same bytes.
@@ -62,9 +65,7 @@ def to_bytes(inspection: Inspection) -> bytes:
             "confirmed": beginning.confirmed,
         },
     }
-    text = json.dumps(header, sort_keys=True, separators=(",", ":"))
-    payload = save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {"checkpoint": text})
-    return MAGIC + VERSION.to_bytes(4, "little") + hashlib.sha256(payload).digest() + payload
+    return SEAL.to_bytes(arrays, header)
 
 
 def from_bytes(
@@ -75,7 +76,7 @@ def from_bytes(
     Raises CheckpointError for bytes that are foreign, newer, cut or changed in any bit, for those of another
     appearance, and where frames or pictures are not those that the inspection had.
     """
-    arrays, header = _opened(data)
+    arrays, header = SEAL.opened(data)
     if header.get("appearance_id") != appearance.id:
         raise CheckpointError(
             f"the checkpoint is of appearance {header.get('appearance_id')}, allowed is the given one: {appearance.id}"
@@ -133,7 +134,7 @@ def _trail(appearance: Appearance, header: Mapping[str, Any], arrays: Arrays) ->
     if "mean" in arrays:
         fixture = Fixture(_taken(arrays, "mean", (5,)), _taken(arrays, "covariance", (5, 5)))
     return Trail(
-        Places(cost.copy(), at.copy(), pace.copy(), header["unseen"]),
+        Places(cost, at, pace, header["unseen"]),
         fixture,
         _taken(arrays, "light", (4,)) if "light" in arrays else None,
         header["residual"],
@@ -172,12 +173,12 @@ def _sights(appearance: Appearance, header: Mapping[str, Any], arrays: Arrays) -
     points, grids = _taken(arrays, "points", (count, 2)), _taken(arrays, "grids", (count, 2))
     unseen: list[np.ndarray | None] = [None] * count
     if appearance.ignored.mask is not None:
-        unseen = [each.copy() for each in _taken(arrays, "unseen", (count, rows, cols), "b")]
+        unseen = [*_taken(arrays, "unseen", (count, rows, cols), "b")]
     return tuple(
         Sight(
-            points[i].copy(),
+            points[i],
             place,
-            grids[i].copy(),
+            grids[i],
             np.ascontiguousarray(np.moveaxis(maps[i], 0, 2)),
             (slice(*down), slice(*across)),
             unseen[i],
@@ -200,7 +201,7 @@ def _beginning(appearance: Appearance, header: Mapping[str, Any], arrays: Arrays
         kept=tuple(kept[: len(wanted)]),
         counted=header["counted"],
         confirmed=header["confirmed"],
-        last=last,
+        last=None if last is None else last.copy(),
     )
 
 
@@ -210,23 +211,4 @@ def _taken(arrays: Arrays, name: str, shape: tuple[int, ...], kind: str = "f") -
         raise CheckpointError(
             f"the checkpoint's {name} has shape {array.shape} of {array.dtype}, allowed is {shape} of this appearance"
         )
-    return array
-
-
-def _opened(data: bytes) -> tuple[Arrays, dict[str, Any]]:
-    start = len(MAGIC) + 4
-    if data[: len(MAGIC)] != MAGIC:
-        raise CheckpointError("not a checkpoint: it does not begin as one; only a running inspection makes them")
-    version = int.from_bytes(data[len(MAGIC) : start], "little")
-    if version != VERSION:
-        raise CheckpointError(f"the checkpoint has format version {version}, this program goes on with {VERSION}")
-    payload = data[start + _HASH :]
-    if hashlib.sha256(payload).digest() != data[start : start + _HASH]:
-        raise CheckpointError("the checkpoint is damaged: its checksum does not fit")
-    try:
-        size = int.from_bytes(payload[:8], "little")
-        header = json.loads(json.loads(payload[8 : 8 + size])["__metadata__"]["checkpoint"])
-        return {name: array.copy() for name, array in load(payload).items()}, dict(header)
-    # whatever bytes made by hand do to those who read them
-    except Exception as error:
-        raise CheckpointError(f"the checkpoint cannot be read: {error}") from error
+    return array.copy()

@@ -13,6 +13,7 @@ from jaxtyping import Float, Float32, Float64
 from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
 from models.manifold import Manifold
+from models.sealed import under
 
 ASKED = 60
 """Samples by which it is told how exactly an object can be placed."""
@@ -91,8 +92,8 @@ class LearntObject:
     @classmethod
     def from_parts(cls, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> LearntObject:
         """What `to_header` and `arrays` gave. Raises AppearanceError where they do not make an object."""
-        space = Eigenspace.from_arrays(_under("space.", arrays))
-        manifold = Manifold.from_parts(header["manifold"], _under("manifold.", arrays))
+        space = Eigenspace.from_arrays(under("space.", arrays))
+        manifold = Manifold.from_parts(header["manifold"], under("manifold.", arrays))
         noise = arrays["noise"]
         if manifold.k != space.k or noise.shape != (space.k, space.k):
             raise AppearanceError(
@@ -102,10 +103,6 @@ class LearntObject:
         if not finite or np.linalg.eigvalsh(noise)[0] <= 0:
             raise AppearanceError(f"object {header['name']}: its numbers cannot be; allowed are finite, noise above 0")
         return cls(str(header["name"]), space, manifold, noise, float(header["off"]), float(header["limit"]))
-
-
-def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
 
 
 def left_out(

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
-from safetensors.numpy import load, save
 
 from models.eigenspace import Eigenspace
 from models.errors import AppearanceError
+from models.sealed import Seal, under
 from models.workspace.grid import Parameter
 from models.workspace.learnt import LearntObject
 from models.workspace.located import Located
 from models.workspace.locating import Search
 from models.workspace.look import Look
 
-MAGIC = b"sweep-workspace"
 VERSION = 1
-_HASH = 32
+SEAL = Seal(
+    "workspace",
+    VERSION,
+    AppearanceError,
+    "`inspector workspace learn` makes them",
+    "learn again",
+    "restore it, or learn again",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +35,7 @@ class Workspace:
     """How objects look over their task parameters q.
 
     Made by `models.workspace.learn_workspace`. One universal eigenspace says which object it may be and about where;
-    the object's own says exactly where (Murase and Nayar, IJCV 14(1), 1995). The bytes are a tag, a version, the
-    SHA-256 of what follows, and a safetensors archive: arrays and one JSON header, no code.
+    the object's own says exactly where (Murase and Nayar, IJCV 14(1), 1995). The bytes are sealed (`models.sealed`).
     """
 
     parameters: tuple[Parameter, ...]
@@ -95,23 +98,21 @@ class Workspace:
             "objects": [each.to_header() for each in self.learnt],
             "facts": dict(self.facts),
         }
-        text = json.dumps(header, sort_keys=True, separators=(",", ":"))
-        payload = save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {"workspace": text})
-        return MAGIC + VERSION.to_bytes(4, "little") + hashlib.sha256(payload).digest() + payload
+        return SEAL.to_bytes(arrays, header)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Workspace:
         """Verified: raises AppearanceError for a file that is foreign, newer, cut or changed in any bit."""
-        arrays, header = _opened(data)
+        arrays, header = SEAL.opened(data)
         try:
             parameters = tuple(Parameter(str(name), period) for name, period in header["parameters"])
             objects = [
-                LearntObject.from_parts(each, _under(f"{i}.", arrays)) for i, each in enumerate(header["objects"])
+                LearntObject.from_parts(each, under(f"{i}.", arrays)) for i, each in enumerate(header["objects"])
             ]
             made = cls(
                 parameters,
                 Look.from_header(header["look"]),
-                Eigenspace.from_arrays(_under("universal.", arrays)),
+                Eigenspace.from_arrays(under("universal.", arrays)),
                 tuple(objects),
                 header["facts"],
             )
@@ -130,25 +131,3 @@ class Workspace:
         if wrong or not self.learnt or len(spaces) != 1 + len(self.learnt):
             raise AppearanceError(f"the workspace does not fit together: {', '.join(wrong) or 'its objects'}")
         return self
-
-
-def _opened(data: bytes) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    start = len(MAGIC) + 4
-    if data[: len(MAGIC)] != MAGIC:
-        raise AppearanceError("not a workspace: it does not begin as one; `inspector workspace learn` makes them")
-    version = int.from_bytes(data[len(MAGIC) : start], "little")
-    if version != VERSION:
-        raise AppearanceError(f"the workspace has format version {version}, this program reads {VERSION}: learn again")
-    payload = data[start + _HASH :]
-    if hashlib.sha256(payload).digest() != data[start : start + _HASH]:
-        raise AppearanceError("the workspace is damaged: its checksum does not fit; restore it, or learn again")
-    try:
-        size = int.from_bytes(payload[:8], "little")
-        return load(payload), json.loads(json.loads(payload[8 : 8 + size])["__metadata__"]["workspace"])
-    # whatever a file made by hand does to those who read it
-    except Exception as error:
-        raise AppearanceError(f"the workspace cannot be read: {error}") from error
-
-
-def _under(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

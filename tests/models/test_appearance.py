@@ -13,11 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from safetensors.numpy import load, save
 
-from models.appearance import MAGIC, VERSION, Appearance
+from models.appearance import SEAL, VERSION, Appearance
 from models.errors import AppearanceError
 from models.learning import learn
 from tests.models.parts import FIRST, MANY, STEP, View, frame, golden, inspected, places, shot, surface, swept
 
+MAGIC = SEAL.tag
 HEAD = len(MAGIC) + 4
 PAYLOAD = HEAD + 32
 

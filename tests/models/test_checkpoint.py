@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.appearance import Appearance
-from models.checkpoint import MAGIC, from_bytes, to_bytes
+from models.checkpoint import SEAL, from_bytes, to_bytes
 from models.errors import CheckpointError
 from models.frame import Frame
 from models.inspection import Inspection, begin, conclude, digest, step
@@ -205,7 +205,7 @@ def test_a_sweep_of_many_frames_is_gone_on_with_too():
 
 
 def sealed(payload: bytes, version: int = 1) -> bytes:
-    return MAGIC + version.to_bytes(4, "little") + hashlib.sha256(payload).digest() + payload
+    return SEAL.tag + version.to_bytes(4, "little") + hashlib.sha256(payload).digest() + payload
 
 
 @given(at=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
@@ -221,7 +221,7 @@ def test_a_bit_that_is_not_as_it_was_is_refused(at: float, bit: int):
 def test_what_is_no_checkpoint_of_this_inspection_is_refused_in_words():
     state = whole("upside down")[1][20]
     data, frames, kept = to_bytes(state), state.frames, state.beginning.kept
-    payload = data[len(MAGIC) + 4 + 32 :]
+    payload = data[len(SEAL.tag) + 4 + 32 :]
     other = whole("good")[1][20]
     wrong: list[tuple[str, Appearance, bytes, Sequence, Sequence]] = [
         ("does not begin as one", golden(), golden().to_bytes(), frames, kept),
