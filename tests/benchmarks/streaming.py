@@ -63,10 +63,10 @@ def prepare(folder: Path) -> None:
     learn_recordings([folder / "golden-1.mcap", folder / "golden-2.mcap"], folder / "plate.appearance")
 
 
-def teach(folder: Path, data: Path) -> None:
-    """A data folder in which the product is learnt, with an active recipe."""
+def teach(folder: Path, data: Path, database: str | None = None) -> None:
+    """A data folder, and a database, in which the product is learnt, with an active recipe."""
     appearance = load_appearance(folder / "plate.appearance")
-    place, store, now = DataFolder(data), open_store(f"sqlite:{data / 'service.sqlite'}"), time.time_ns()
+    place, store, now = DataFolder(data), open_store(database or f"sqlite:{data / 'service.sqlite'}"), time.time_ns()
     place.appearance(appearance.id).write_bytes(appearance.to_bytes())
     store.ensure_product(PRODUCT, now)
     store.add_appearance(StoredAppearance(appearance.id, PRODUCT, now, (), {}, (), 1))
@@ -76,13 +76,14 @@ def teach(folder: Path, data: Path) -> None:
 
 
 @contextmanager
-def served(data: Path, scorers: int | None = None) -> Generator[str]:
+def served(data: Path, scorers: int | None = None, database: str | None = None) -> Generator[str]:
     """The address of a service on that folder."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     command = [sys.executable, "-c", "from inspector.cli import main; main()", "serve", "--data", str(data)]
     environment = os.environ | ({"INSPECTOR_SCORERS": str(scorers)} if scorers else {})
+    environment |= {"INSPECTOR_DATABASE": database} if database else {}
     with (data / "log").open("w") as log:
         process = subprocess.Popen([*command, "--port", str(port)], env=environment, stdout=log, stderr=log)
     url = f"http://127.0.0.1:{port}"
