@@ -12,6 +12,7 @@ from fastapi import FastAPI
 
 from api import (
     audit,
+    batches,
     docs,
     errors,
     events,
@@ -53,6 +54,7 @@ ROUTERS = (
     pictures.router,
     stream.router,
     replays.router,
+    batches.router,
     workspaces.router,
     tracking.router,
     trends.router,

@@ -34,6 +34,7 @@ from inspector.result_json import BadRecord
 from inspector.scores_json import ScoresUnreadable
 from inspector.service.access import AccessRefused, RoleTooLow
 from inspector.service.archives import ArchiveRefused
+from inspector.service.batches import NothingChosen
 from inspector.service.desk import DeskClosed, WorkerDied, WorkFailed
 from inspector.service.errors import (
     AtCapacity,
@@ -101,6 +102,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     RecordingGone: Kind(410, "No recording"),
     NoScores: Kind(409, "No scores"),
     NoRecipe: Kind(409, "No active recipe"),
+    NothingChosen: Kind(409, "Nothing chosen"),
     PictureTooLarge: Kind(413, "Picture too large"),
     PictureUnreadable: Kind(422, "Picture not readable"),
     NumericError: Kind(422, "Cannot be used"),

@@ -22,6 +22,19 @@ class Accepted(BaseModel):
     """Ask at /v1/jobs/{job_id}."""
 
 
+class BatchOut(BaseModel):
+    """How many recordings of a batch came to what."""
+
+    recordings: int
+    before: int
+    """Done before, and not again."""
+    done: int
+    failed: int
+    """`said` has the reasons."""
+    verdicts: dict[str, int]
+    """Of those that are done, whenever that was."""
+
+
 class JobOut(BaseModel):
     """How far it is, and what came of it."""
 
@@ -46,6 +59,8 @@ class JobOut(BaseModel):
     """Of what a replay became."""
     workspace_id: str | None
     """Of what was learnt from pictures."""
+    batch: BatchOut | None
+    """What came of a batch."""
     said: list[str]
     """What should be looked at, or was lost, a sentence each."""
 
@@ -89,5 +104,6 @@ def _told(job: Job) -> JobOut:
         sweep_id=outcome.get("sweep_id"),
         inspection_id=outcome.get("inspection_id"),
         workspace_id=outcome.get("workspace_id"),
+        batch=outcome.get("batch"),
         said=outcome.get("said", outcome.get("losses", [])),
     )

@@ -85,6 +85,11 @@ class Settings(BaseSettings):
     keep_bytes: Count | None = None
     """Bytes that recordings of inspections may fill, wherever they are; None is no limit but the disk."""
 
+    executor: Annotated[str, Field(pattern=r"^(serial|processes(:[1-9]\d*)?|dask://.+|ray://.+)$")] = (
+        f"processes:{max(1, CORES // 2)}"
+    )
+    """Where batches are done: `serial`, `processes:N` beside this service, `dask://HOST:PORT`, `ray://auto`."""
+
     cameras: dict[str, str] = Field(default_factory=dict)
     """Cameras that sweeps can be recorded from, by name. JSON in the environment: `{"top": "opencv:0"}`."""
     log_level: Literal["debug", "info", "warning", "error"] = "info"

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -81,16 +82,18 @@ class Desk:
         task: str,
         arguments: Mapping[str, object],
         progress: Callable[[float], object] = lambda share: None,
+        made: Callable[[Outcome], object] = lambda piece: None,
     ) -> Outcome:
         """What comes of one of `inspector.service.tasks`; waits for a free process. Blocks.
 
-        `progress` is called a few times a second, at most. Raises WorkFailed, WorkerDied, DeskClosed.
+        `progress` is called a few times a second, at most, `made` with each piece of work that consists of some. What
+        they raise ends the work. Raises WorkFailed, WorkerDied, DeskClosed.
         """
         worker = self._free.get()
         try:
             if self._closed:
                 raise DeskClosed
-            return worker.do(task, arguments, progress)
+            return worker.do(task, arguments, progress, made)
         except WorkerDied:
             if self._closed:
                 raise DeskClosed from None
@@ -113,7 +116,13 @@ class _Worker:
         self._lock = threading.Lock()
         self._ended = False
 
-    def do(self, task: str, arguments: Mapping[str, object], progress: Callable[[float], object]) -> Outcome:
+    def do(
+        self,
+        task: str,
+        arguments: Mapping[str, object],
+        progress: Callable[[float], object],
+        made: Callable[[Outcome], object],
+    ) -> Outcome:
         process = self._running()
         assert process.stdin is not None
         assert process.stdout is not None
@@ -124,7 +133,11 @@ class _Worker:
         for answer in _lines(process.stdout):
             match json.loads(answer):
                 case {"progress": share}:
-                    progress(share)
+                    with _or_ended(process):
+                        progress(share)
+                case {"made": piece}:
+                    with _or_ended(process):
+                        made(piece)
                 case {"failed": said, "kind": kind}:
                     raise WorkFailed(said, kind)
                 case {"broke": how}:
@@ -168,9 +181,21 @@ def _lines(pipe: IO[bytes]) -> Iterator[bytes]:
         return
 
 
+@contextmanager
+def _or_ended(process: subprocess.Popen[bytes]) -> Generator[None]:
+    """Where nobody hears the rest of its answer, the next work would."""
+    try:
+        yield
+    except BaseException:
+        _ended(process)
+        raise
+
+
 def _ended(process: subprocess.Popen[bytes]) -> int:
-    """Its exit code, when it is gone and nothing of it is left."""
-    process.kill()
+    """Its exit code, when it is gone and nothing of it is left, nor of the processes that it started."""
+    if process.poll() is None:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
     for pipe in (process.stdin, process.stdout):
         if pipe is not None:
             # What could not be written any more fails once more here.

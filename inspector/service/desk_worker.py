@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 
 from models.errors import InspectionError
 
+Tasks = Mapping[str, Callable[..., dict[str, Any]]]
 TELL_SECONDS = 0.3
 """Between two words about progress."""
 
@@ -28,10 +29,11 @@ def main() -> None:
     os.dup2(2, 1)
     asked: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(asked,), daemon=True).start()
-    from inspector.service.tasks import TASKS  # noqa: PLC0415 (takes a second; a service that ends is heard by now)
+    # takes a second; a service that ends is heard by now
+    from inspector.service.tasks import IN_PIECES, TASKS  # noqa: PLC0415
 
     while True:
-        _do(json.loads(asked.get()), TASKS, answers)
+        _do(json.loads(asked.get()), TASKS, IN_PIECES, answers)
 
 
 def _listen(asked: SimpleQueue[bytes]) -> None:
@@ -41,7 +43,7 @@ def _listen(asked: SimpleQueue[bytes]) -> None:
     os._exit(0)
 
 
-def _do(asked: Mapping[str, Any], tasks: Mapping[str, Callable[..., dict[str, Any]]], answers: BinaryIO) -> None:
+def _do(asked: Mapping[str, Any], tasks: Tasks, in_pieces: Tasks, answers: BinaryIO) -> None:
     told, last = 0.0, -1.0
 
     def say(what: Mapping[str, object]) -> None:
@@ -54,8 +56,14 @@ def _do(asked: Mapping[str, Any], tasks: Mapping[str, Callable[..., dict[str, An
             told, last = time.monotonic(), share
             say({"progress": share})
 
+    def made(piece: Mapping[str, object]) -> None:
+        say({"made": piece})
+
     try:
-        say({"done": tasks[asked["task"]](progress, **asked["arguments"])})
+        if (name := asked["task"]) in in_pieces:
+            say({"done": in_pieces[name](made, **asked["arguments"])})
+        else:
+            say({"done": tasks[name](progress, **asked["arguments"])})
     except InspectionError as error:
         say({"failed": str(error), "kind": type(error).__name__})
     except Exception as error:

@@ -30,6 +30,8 @@ Progress = Callable[[float], object]
 Work = Callable[[Progress], Json]
 _WAITING = 32
 """Pieces of work that may wait, of those that are done at once and of each kind of job."""
+_SAID = 20
+"""Sentences that an event holds."""
 _log = structlog.get_logger("inspector")
 
 
@@ -88,7 +90,7 @@ class Jobs:
     ) -> None:
         self._store, self._files, self._events, self._metrics = store, files, events, metrics
         self._node_id, self._now_ns = node_id, now_ns
-        threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1, "workspace": 1}
+        threads: dict[JobKind, int] = {"learn": learners, "record": 4, "replay": 1, "batch": 1, "workspace": 1}
         self._queues = {kind: _Queue(count, kind) for kind, count in threads.items()}
         self._at_once, self._shown = _Queue(4, "desk"), _Queue(2, "show")
 
@@ -148,4 +150,6 @@ class Jobs:
         names = {"work": job.kind, "job_id": job.job_id, "product_id": job.product_id}
         _log.info("job", **names, state=state, error=error, seconds=round((self._now_ns() - job.created_ns) / 1e9, 3))
         self._metrics.jobs.labels(job.kind, state).inc()
-        self._events.publish_soon("job", **names, state=state, error=error, **(outcome or {}))
+        # A batch may have a thousand sentences for whoever asks.
+        told = {name: value for name, value in (outcome or {}).items() if not (name == "said" and len(value) > _SAID)}
+        self._events.publish_soon("job", **names, state=state, error=error, **told)

@@ -47,6 +47,17 @@ class Replay:
     """Its policy is the one to judge by."""
 
     @property
+    def names(self) -> Json:
+        """For the result."""
+        recipe = self.recipe
+        return {
+            "result_id": new_id(),
+            "product_id": recipe.product_id,
+            "part_id": self.part_id,
+            "recipe_id": recipe.recipe_id,
+        }
+
+    @property
     def request(self) -> Json:
         """For the job."""
         return {"of": self.thing, "recipe_id": self.recipe.recipe_id, "policy": self.recipe.policy}
@@ -81,12 +92,17 @@ class Replays:
             sweep = self._store.sweep(sweep_id or "")
             thing, part_id, product_id = f"sweep {sweep.sweep_id}", sweep.part_id, sweep.product_id
             place = self._files.place("sweep", sweep.sweep_id)
-        recipe = self._store.recipe(recipe_id) if recipe_id else self._store.active_recipe(product_id)
-        if recipe is None:
-            raise NoRecipe(product_id)
+        recipe = self.recipe_of(product_id, recipe_id)
         if policy is not None:
             recipe = replace(recipe, policy=asdict(policy))
         return Replay(place, thing, part_id, recipe)
+
+    def recipe_of(self, product_id: str, recipe_id: str | None) -> Recipe:
+        """The recipe of that id, or the product's active one. Raises NoSuch, NoRecipe."""
+        recipe = self._store.recipe(recipe_id) if recipe_id else self._store.active_recipe(product_id)
+        if recipe is None:
+            raise NoRecipe(product_id)
+        return recipe
 
     def _recording(self, stored: StoredInspection) -> str:
         if stored.recording == "kept" and self._files.size("inspection", stored.inspection_id) is not None:
@@ -95,14 +111,8 @@ class Replays:
 
     def replay(self, progress: Callable[[float], object], asked: Replay) -> StoredInspection:
         """The inspection that it became: simulated, of source `replay`, its scores stored. Raises WorkFailed."""
-        recipe, begun_ns, inspection_id = asked.recipe, self._now_ns(), new_id()
+        recipe, begun_ns = asked.recipe, self._now_ns()
         appearance = self._files.local_appearance(recipe.appearance_id)
-        names = {
-            "result_id": new_id(),
-            "product_id": recipe.product_id,
-            "part_id": asked.part_id,
-            "recipe_id": recipe.recipe_id,
-        }
         shown = {shown_place(asked.recording): f"the recording of {asked.thing}", str(appearance): "the appearance"}
         with naming(shown):
             made = self._desk.do(
@@ -111,11 +121,16 @@ class Replays:
                     "recording": asked.recording,
                     "appearance": str(appearance),
                     "policy": recipe.policy,
-                    "names": names,
+                    "names": asked.names,
                     "others": self._recognising.others(recipe.product_id, recipe.appearance_id),
                 },
                 progress,
             )
+        return self.keep(new_id(), asked, made, begun_ns)
+
+    def keep(self, inspection_id: str, asked: Replay, made: Json, begun_ns: int) -> StoredInspection:
+        """What a replay came to, as an inspection of that id. Raises IdTaken."""
+        recipe = asked.recipe
         # Begun and concluded at once, when it is done: what fails, or is killed, leaves nothing half.
         self._store.begin_inspection(
             inspection_id,

@@ -10,6 +10,7 @@ from contextlib import suppress
 import structlog
 
 from inspector.service.access import Access
+from inspector.service.batches import Batches
 from inspector.service.desk import Desk
 from inspector.service.events import Events
 from inspector.service.files import Files
@@ -52,6 +53,7 @@ class Service:
     sweeps: Sweeps
     learning: Learning
     replays: Replays
+    batches: Batches
     pictures: Pictures
     trends: Trends
     workspaces: Workspaces
@@ -95,8 +97,8 @@ class Service:
         self.access = Access(store, settings.asks_for_tokens, self.now_ns)
         learners = max(1, CORES // 2)
         # Apart: what somebody waits for does not wait for what takes minutes.
-        learning, recording, looking, showing, naming = self._desks = (
-            Desk(learners), Desk(4), Desk(2), Desk(1), Desk(1)
+        learning, recording, looking, showing, naming, many = self._desks = (
+            Desk(learners), Desk(4), Desk(2), Desk(1), Desk(1), Desk(1)
         )  # fmt: skip
         recognising = Recognising(store, files, naming)
         self.jobs = Jobs(
@@ -119,6 +121,9 @@ class Service:
         )
         self.learning = Learning(store, files, learning, self.now_ns)
         self.replays = Replays(store, files, looking, recognising, self.now_ns)
+        self.batches = Batches(
+            store, files, self.replays, recognising, desk=many, executor=settings.executor, now_ns=self.now_ns
+        )
         self.pictures = Pictures(store, files, showing)
         self.trends = Trends(store, looking)
         self.publishing = Publishing(store, files, self.metrics)

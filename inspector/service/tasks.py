@@ -24,33 +24,30 @@ from inspector.errors import RecordingError
 from inspector.files import write_new
 from inspector.labels import read_recording
 from inspector.learner import add_recordings, learn_recordings, load_appearance
-from inspector.others import Others
 from inspector.pictures import decode
 from inspector.recorder import RecordingSummary
 from inspector.recorder import record as record_sweep
 from inspector.recording import SweepReader, count_frames
-from inspector.replay import replay as replay_recording
-from inspector.result_json import recognised_record, result_record
-from inspector.scores_json import scores_from_bytes, scores_to_bytes
+from inspector.result_json import recognised_record
+from inspector.scores_json import scores_from_bytes
 from inspector.service import showing
 from inspector.service.archives import BEGINS, read_archive
+from inspector.service.replaying import OTHERS, batch, others_of, replay
 from inspector.service.showing import load_cached
 from inspector.workspaces import learn_labels, load_workspace
 from models.appearance import Appearance
 from models.drift import changes
 from models.errors import LearningError
 from models.excused import excused
-from models.frame import EncodedPicture, Frame
+from models.frame import EncodedPicture
 from models.judging import judge, rescaled
 from models.limits import promise
-from models.recognition import Other
 from models.recognition import recognise as recognise_part
 from models.verdict import Policy, Result, ScoredFrame
 from models.workspace import Workspace
 
 Progress = Callable[[float], None]
 Json = dict[str, Any]
-_OTHERS = Others()
 
 
 class TooManyFrames(RecordingError):
@@ -155,46 +152,12 @@ def _facts(learnt: Appearance) -> Json:
     }
 
 
-def replay(
-    progress: Progress,
-    *,
-    recording: str,
-    appearance: str,
-    policy: Mapping[str, float],
-    names: Mapping[str, str | None],
-    others: Mapping[str, str],
-) -> Json:
-    """A recording inspected; `names` has `result_id`, `recipe_id`, `product_id`, `part_id` for the result.
-
-    `others` are the appearances of other products, one of which it may be of.
-    """
-    reader, learnt, judged_by = SweepReader(recording), load_cached(appearance), Policy(**policy)
-    announced = count_frames(reader.path)
-
-    def tell(frame: Frame, scored: ScoredFrame) -> None:
-        if announced:
-            progress(min(1.0, (scored.index + 1) / announced))
-
-    replayed = replay_recording(reader, learnt, judged_by, on_scored=tell, others=_others(others))
-    facts = {name: said for name in ("product_id", "part_id") if (said := names.get(name)) is not None}
-    result = result_record(
-        replayed.result, replayed.facts | facts, is_simulated=True, recipe_id=names["recipe_id"],
-        promise=promise(learnt.peaks, judged_by.false_rejects), result_id=names["result_id"], with_frames=False,
-    )  # fmt: skip
-    scores = b64encode(scores_to_bytes(replayed.result.frames)).decode()
-    return {"result": {**result, "losses": list(replayed.losses)}, "scores": scores}
-
-
 def recognise(progress: Progress, *, own: str, others: Mapping[str, str], pictures: Sequence[str]) -> Json:
     """What pictures of a sweep show, that does not begin as its part does: `recognised`, null where nobody knows."""
     seen = [decode(EncodedPicture("", b64decode(picture))) for picture in pictures]
-    known, asked = _others(others), _OTHERS.load(Path(own))
+    known, asked = others_of(others), OTHERS.load(Path(own))
     found = recognise_part(asked, seen, known)
     return {"recognised": None if found is None else {**recognised_record(found), "sentence": found.sentence()}}
-
-
-def _others(parts: Mapping[str, str]) -> list[Other]:
-    return _OTHERS.readable({name: Path(path) for name, path in parts.items()})
 
 
 def rejudge(
@@ -354,3 +317,5 @@ TASKS: Mapping[str, Callable[..., Json]] = {
     "learn_workspace": learn_workspace,
     "ignored": ignored,
 }
+IN_PIECES: Mapping[str, Callable[..., Json]] = {"batch": batch}
+"""Instead of progress these tell of each piece of work that is done."""

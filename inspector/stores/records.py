@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
-JobKind = Literal["learn", "record", "replay", "workspace"]
+JobKind = Literal["learn", "record", "replay", "batch", "workspace"]
 JobState = Literal["running", "done", "failed"]
 InspectionState = Literal["processing", "completed", "aborted", "failed"]
 Ended = Literal["completed", "aborted", "failed"]

@@ -50,8 +50,9 @@ def test_every_error_has_a_place_in_the_table() -> None:
     assert WorldError not in KINDS
     lost = {each for each in family(InspectionError) if not set(each.__mro__) & set(KINDS)}
     # Labelled sets and batches are worked on at the command line only, no request comes where nobody listens, and a
-    # client is the other side.
+    # client is the other side. Executors are opened in processes whose errors arrive as WorkFailed.
     elsewhere = tuple(f"inspector.{name}" for name in ("evaluation.", "batch.", "executors", "serving", "client."))
+    elsewhere = (*elsewhere, "api.cluster")
     assert {each for each in lost if not each.__module__.startswith(elsewhere)} <= {WorldError}
     assert kind_of(type("New", (next(iter(KINDS)),), {}))[1] is next(iter(KINDS.values()))
 

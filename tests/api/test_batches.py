@@ -1,0 +1,131 @@
+"""Batches over HTTP: many stored recordings once more, what fails named, nothing done twice, nothing lost."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from api.app import create_app
+from inspector.recording import SweepReader
+from inspector.replay import replay
+from inspector.settings import read_settings
+from tests.api.stations import BAD, GOOD, PRODUCT, begin, feed, frames, learnt, sweep, teach
+from tests.api.test_round import ended, refused, uploaded
+
+HERE = "http://127.0.0.1"
+
+
+def station(data: Path) -> TestClient:
+    app = create_app(read_settings(data=data, scorers=1, executor="processes:2"))
+    return TestClient(app, base_url=HERE, raise_server_exceptions=False)
+
+
+def service(client: TestClient) -> Any:
+    app: Any = client.app
+    return app.state.service
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Iterator[TestClient]:
+    with station(tmp_path) as client:
+        teach(service(client))
+        yield client
+
+
+def batch(client: TestClient, **asked: Any) -> dict[str, Any]:
+    answer = client.post("/v1/batches", json={"product_id": PRODUCT, **asked})
+    assert answer.status_code == 202, answer.text
+    return ended(client, answer.json()["job_id"])
+
+
+def replayed(client: TestClient) -> list[dict[str, Any]]:
+    return client.get("/v1/inspections?source=replay").json()["items"]
+
+
+def counts(recordings: int, before: int, done: int, failed: int, **verdicts: int) -> dict[str, Any]:
+    return {"recordings": recordings, "before": before, "done": done, "failed": failed, "verdicts": verdicts}
+
+
+def test_many_sweeps_are_replayed_what_fails_is_named_and_what_is_done_is_not_done_again(
+    client: TestClient, tmp_path: Path
+) -> None:
+    good, bad, lost = (uploaded(client, sweep(each)) for each in (GOOD, BAD, BAD))
+    whole = (tmp_path / "sweeps" / f"{lost}.mcap").read_bytes()
+    (tmp_path / "sweeps" / f"{lost}.mcap").write_bytes(b"no recording")
+    job = batch(client, of="sweeps", ids=[good, bad, lost, good])
+    assert (job["state"], job["kind"], job["progress"], job["error"]) == ("done", "batch", 1.0, None)
+    assert job["batch"] == counts(3, 0, 2, 1, OK=1, NG=1)
+    assert len(job["said"]) == 1
+    assert job["said"][0].startswith(f"sweep {lost}: its recording: no MCAP")
+    assert str(tmp_path) not in job["said"][0]
+    told = {each["inspection_id"]: client.get(f"/v1/inspections/{each['inspection_id']}/result").json()
+            for each in replayed(client)}  # fmt: skip
+    here = {f"sweep {id}": replay(SweepReader(sweep(of)), learnt()).result for id, of in ((good, GOOD), (bad, BAD))}
+    assert {each["replay_of"]: each["digest"] for each in told.values()} == {
+        name: result.digest for name, result in here.items()
+    }
+    assert all(each["is_simulated"] for each in told.values())
+    again = batch(client, of="sweeps", ids=[good, bad])
+    assert again["batch"] == counts(2, 2, 0, 0, OK=1, NG=1)
+    (tmp_path / "sweeps" / f"{lost}.mcap").write_bytes(whole)
+    assert batch(client, of="sweeps", last=100)["batch"] == counts(3, 2, 1, 0, OK=1, NG=2)
+    lenient = batch(client, of="sweeps", last=2, policy={"sensitivity": 0.01})
+    assert lenient["batch"] == counts(2, 0, 2, 0, OK=2)
+    assert len(replayed(client)) == 5
+
+
+def test_inspections_are_chosen_by_verdict_and_part(client: TestClient) -> None:
+    for options, part in ((GOOD, "a-1"), (BAD, "a-2"), (BAD, "b-1")):
+        inspection = begin(client, part)
+        feed(client, inspection, frames(options))
+        assert client.post(f"/v1/inspections/{inspection}/conclude").status_code == 200
+    everything = batch(client, last=10)
+    assert everything["batch"] == counts(3, 0, 3, 0, OK=1, NG=2)
+    assert batch(client, last=10, verdict="NG", part="a-")["batch"] == counts(1, 1, 0, 0, NG=1)
+    live = client.get("/v1/inspections?source=live").json()["items"]
+    assert batch(client, ids=[live[0]["inspection_id"]])["batch"] == counts(1, 1, 0, 0, NG=1)
+    # Replays have no recording of their own.
+    again = batch(client, ids=[replayed(client)[0]["inspection_id"]])
+    assert again["batch"] == counts(1, 0, 0, 1)
+    assert "there is no recording" in again["said"][0]
+
+
+def test_a_batch_that_was_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
+    with station(tmp_path) as client:
+        teach(service(client))
+        ids = [uploaded(client, sweep(GOOD)) for _ in range(12)]
+        answer = client.post("/v1/batches", json={"product_id": PRODUCT, "of": "sweeps", "ids": ids})
+        while not (some := replayed(client)):
+            threading.Event().wait(0.03)
+    with station(tmp_path) as client:
+        cut_off = client.get(f"/v1/jobs/{answer.json()['job_id']}").json()
+        assert (cut_off["state"], "stopped" in cut_off["error"]) == ("failed", True)
+        before = len(replayed(client))
+        assert len(some) <= before < 12
+        assert batch(client, of="sweeps", ids=ids)["batch"] == counts(12, before, 12 - before, 0, OK=12)
+
+
+@pytest.mark.parametrize(
+    ("asked", "status", "said"),
+    [
+        ({}, 422, "one of `ids` and `last` is needed"),
+        ({"ids": ["a"], "last": 1}, 422, "one of `ids` and `last` is needed"),
+        ({"ids": ["a"], "verdict": "NG"}, 422, "`verdict` and `part` go with `last`"),
+        ({"of": "sweeps", "last": 1, "part": "a"}, 422, "`verdict` and `part` go with `last`"),
+        ({"ids": ["0" * 32]}, 404, "there is no inspection"),
+        ({"of": "sweeps", "ids": ["0" * 32]}, 404, "there is no sweep"),
+        ({"last": 1, "recipe_id": "none"}, 404, "there is no recipe"),
+        ({"last": 1}, 409, "no inspections of product 'plate' were chosen"),
+        ({"product_id": "nobody", "last": 1}, 404, "there is no product"),
+    ],
+)
+def test_what_is_wrong_is_told_before_anything_is_begun(
+    client: TestClient, asked: dict[str, Any], status: int, said: str
+) -> None:
+    refused(client.post("/v1/batches", json={"product_id": PRODUCT, **asked}), status, said)
+    assert client.get("/v1/jobs").json()["items"] == []
