@@ -18,7 +18,7 @@ from inspector.recording import begins_as_mcap
 from inspector.service.archives import BEGINS as ARCHIVE
 from inspector.service.folder import DataFolder, remove
 from inspector.service.sweeps import Received
-from models.workspace.workspace import MAGIC as WORKSPACE
+from models.workspace.workspace import SEAL as WORKSPACE
 
 T = TypeVar("T")
 START = 8
@@ -48,7 +48,7 @@ async def receive_workspace(request: Request, folder: DataFolder) -> tuple[Kind,
 
 
 def _begins_as_workspace(start: bytes) -> Kind:
-    if start == WORKSPACE[:START]:
+    if start == WORKSPACE.tag[:START]:
         return "learnt"
     if start.startswith(ARCHIVE):
         return "archive"

@@ -21,7 +21,7 @@ from inspector.evaluation.running import Failed, Run, run
 from inspector.executors import Executor
 from inspector.learner import load_appearance
 from inspector.policies import read_policy
-from models.appearance import MAGIC, Appearance
+from models.appearance import SEAL, Appearance
 from models.comparison import Comparison, compare
 from models.verdict import Policy
 
@@ -57,7 +57,7 @@ def read_baseline(path: Path) -> Source:
         data = path.read_bytes()
     except OSError as error:
         raise BaselineRefused(path, error.strerror or str(error)) from error
-    if data.startswith(MAGIC):
+    if data.startswith(SEAL.tag):
         return load_appearance(path)
     try:
         said = json.loads(data)
