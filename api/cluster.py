@@ -79,6 +79,8 @@ def application(settings: Settings, replicas: int) -> Any:
     """What Ray Serve runs. Raises RayMissing, SettingRefused."""
     if replicas > 1 and not settings.database_url.startswith("postgresql"):
         raise SettingRefused("database", None, f"{replicas} replicas share one; allowed is postgresql://…")
+    if replicas > 1 and settings.files is None:
+        raise SettingRefused("files", None, f"{replicas} replicas share one; allowed are s3://… and file:///…")
     serve = _ray("ray.serve")
     deployment = serve.deployment(
         name="inspector",

@@ -8,6 +8,8 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from typing import Any, Protocol
 
 import httpx2
@@ -20,7 +22,7 @@ from tests.api.stations import BAD, GOOD, PRODUCT, frames, learnt, sweep
 OPTIONS = (BAD, GOOD)
 IN_THE_MIDDLE = 10
 """Frames of a part, of about forty."""
-EACH_SECONDS = 0.15
+EACH_SECONDS = 0.1
 """The pace of a camera that many of can be tried on one machine."""
 PATIENCE = 120.0
 
@@ -57,13 +59,34 @@ class Part:
         assert self.result["digest"] == offline(self.options)
         assert front.get(f"/v1/inspections/{self.inspection}/result").json() == self.result
 
+    def check_recording(self, front: Front, folder: Path) -> None:
+        """It is one, whoever wrote it, and its replay says the same."""
+        path, answer = folder / f"{self.inspection}.mcap", front.get(f"/v1/inspections/{self.inspection}/recording")
+        deadline = time.monotonic() + PATIENCE
+        while answer.status_code != 200:
+            # It is put where all find it after the result was told.
+            assert time.monotonic() < deadline, answer.text
+            time.sleep(0.2)
+            answer = front.get(f"/v1/inspections/{self.inspection}/recording")
+        path.write_bytes(answer.content)
+        assert replay(SweepReader(path), learnt()).result.digest == offline(self.options)
+
 
 class Line(threading.Thread):
-    """A line that inspects parts at the pace of a camera: one, or one after the other as long as `more` says so."""
+    """A line that inspects one part, or one after the other as long as `more` says so; `each`: seconds of a frame."""
 
-    def __init__(self, front: Front, number: int, *, way: str = "ws", more: Callable[[], bool] = lambda: False) -> None:
+    def __init__(
+        self,
+        front: Front,
+        number: int,
+        *,
+        way: str = "ws",
+        each: float = EACH_SECONDS,
+        more: Callable[[], bool] = lambda: False,
+    ) -> None:
         super().__init__(daemon=True)
-        self._front, self._number, self._way, self._more = front, number, way, more
+        self._front, self._number = front, number
+        self._way, self._each, self._more = way, each, more
         self.parts: list[Part] = []
         self.went_wrong: BaseException | None = None
 
@@ -93,16 +116,16 @@ class Line(threading.Thread):
             part.inspection, part.counts = inspection.inspection_id, inspection.counts
             for frame in frames(part.options):
                 inspection.send(frame)
-                inspection.wait(EACH_SECONDS)
+                inspection.wait(self._each)
             part.result = inspection.conclude()
 
 
-def started(front: Front, count: int, **options: Any) -> list[Line]:
-    """So many lines at work."""
+def started(front: Front, count: int, ways: Sequence[str] = ("ws",), **options: Any) -> list[Line]:
+    """So many lines at work, which send by each way in turn."""
     for each in OPTIONS:
         # Made here, once: lines are threads.
         frames(each)
-    lines = [Line(front, number, **options) for number in range(count)]
+    lines = [Line(front, number, way=ways[number % len(ways)], **options) for number in range(count)]
     for line in lines:
         line.start()
     return lines
@@ -133,6 +156,7 @@ def well(lines: Sequence[Line]) -> None:
     assert [line.went_wrong for line in lines if line.went_wrong] == []
 
 
+@cache
 def offline(options: str) -> str:
     """The digest of that recording's replay."""
     return replay(SweepReader(sweep(options)), learnt()).result.digest

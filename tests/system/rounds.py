@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from tests.system.clustered import Cluster, until
 from tests.system.lines import IN_THE_MIDDLE, Dashboard, come_to, end_well, started
@@ -11,13 +12,13 @@ from tests.system.lines import IN_THE_MIDDLE, Dashboard, come_to, end_well, star
 STREAMS, TOLD_SECONDS = 16, 5.0
 
 
-def round_with_a_death(made: Cluster, boards: Sequence[Dashboard], kill: Callable[[], None]) -> set[str]:
+def round_with_a_death(made: Cluster, boards: Sequence[Dashboard], kill: Callable[[], None], folder: Path) -> set[str]:
     """Of two services one is killed while both have streams; these. Every dashboard has seen all of them begin.
 
     The streams of the other lose no frame and do not move; its own go on within five seconds; all come out as their
     recordings do, and what was concluded before is there.
     """
-    before = started(made, 4)
+    before = started(made, 4, each=0.0)
     end_well(made, before)
     assert all(board.ready.wait(30) for board in boards)
     lines = started(made, STREAMS)
@@ -35,5 +36,7 @@ def round_with_a_death(made: Cluster, boards: Sequence[Dashboard], kill: Callabl
     silences = {part.inspection: part.silence(killed) for part in parts}
     print(f"{len(moved)} of {len(parts)} moved; first words after {max(silences[each] for each in moved):.2f} s")
     assert max(silences.values()) < TOLD_SECONDS
+    for part in parts:
+        part.check_recording(made, folder)
     end_well(made, before)
     return inspections
