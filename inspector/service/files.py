@@ -24,10 +24,11 @@ from inspector.errors import OutputExists
 from inspector.files import NotWritten, arriving, sync
 from inspector.locations import to_location
 from inspector.objects import ObjectError, Objects, ObjectTaken, beneath, shown
-from inspector.service.folder import DataFolder, FolderRefused, remove
+from inspector.service.folder import DataFolder, FolderRefused, NoFileId, remove
 
 Learnt: TypeAlias = Literal["appearance", "workspace"]
 Kind: TypeAlias = Literal["sweep", "inspection", "part", "appearance", "workspace"]
+_PART = re.compile(r"[0-9a-f]{32}\.\d{1,9}")
 _TAPE = re.compile(r"([0-9a-f]{32})(?:\.(\d+))?\.mcap")
 
 
@@ -166,8 +167,9 @@ class Files:
             case "sweep" | "inspection":
                 return f"{kind}s/{DataFolder.checked(id)}.mcap"
             case "part":
-                inspection_id, _, take = id.partition(".")
-                return f"parts/{DataFolder.checked(inspection_id)}.{int(take)}.mcap"
+                if _PART.fullmatch(id) is None:
+                    raise NoFileId(id)
+                return f"parts/{id}.mcap"
             case _:
                 return f"{kind}s/{DataFolder.hash_of(id)}.{kind}"
 
