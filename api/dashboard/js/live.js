@@ -20,6 +20,8 @@ export class Live {
     this.dropped = 0;
     this.early = null;
     this.foreign = null;
+    /** Whether the service that had it is gone, and no frame has come since. */
+    this.interrupted = false;
     this.exact = null;
     this.heardAt = performance.now();
     this.seen = new Uint8Array(PLACES);
@@ -78,6 +80,7 @@ export class Live {
     }
     if (fresh === 0) return;
     this.heardAt = at;
+    this.interrupted = false;
     this.paced.push({ at, count: this.score.length, s: this.latest.s });
     while (this.paced.length > 2 && at - this.paced[0].at > PACE_MS) this.paced.shift();
   }

@@ -204,6 +204,7 @@ function reason(live) {
     : "";
   if (live.running) {
     const quiet = performance.now() - live.heardAt;
+    if (live.interrupted) return "the service that inspected it is gone; another goes on when the next frame comes";
     if (live.foreign) return live.foreign;
     if (live.early) return `NG is certain already: ${found}`;
     if (quiet > QUIET_MS) return `no frame for ${Math.round(quiet / 1000)} s`;

@@ -245,6 +245,7 @@ export async function show(root, params, app) {
     events.on("picture", (data) => shown.find((each) => each.live.id === data.inspection_id)?.see(data)),
     events.on("early_invalid", of((live, { reason }) => (live.foreign = reason))),
     events.on("recognised", of((live, { sentence }) => (live.foreign &&= sentence))),
+    events.on("interrupted", of((live) => (live.interrupted = true))),
     events.on("part_found", of((live) => (live.foreign = null))),
     events.on("verdict", ended),
     events.on("aborted", ended),
