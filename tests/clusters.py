@@ -6,9 +6,9 @@ import importlib.util
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -25,7 +25,7 @@ def processes() -> Iterator[str]:
 @contextmanager
 def dask() -> Iterator[str]:
     """A scheduler and two workers."""
-    _needs("distributed")
+    needs("distributed")
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -34,22 +34,43 @@ def dask() -> Iterator[str]:
 
 @contextmanager
 def ray() -> Iterator[str]:
-    """A node with two processors."""
-    _needs("ray")
-    ray = str(Path(sys.executable).parent / "ray")
-    options = ("--head", "--num-cpus=2", "--include-dashboard=false", "--disable-usage-stats", "--port=0")
-    memory = f"--object-store-memory={100 << 20}"
-    subprocess.run([ray, "start", *options, memory], check=True, capture_output=True, timeout=120)
-    try:
-        yield "ray://auto"
-    finally:
-        subprocess.run([ray, "stop", "--force"], check=True, capture_output=True, timeout=60)
+    """A node with two processors, which is gone with the process that started it."""
+    needs("ray")
+    environment = os.environ | {"RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled"}
+    with (
+        tempfile.TemporaryFile() as said,
+        subprocess.Popen(
+            [sys.executable, "-c", _RAY], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, env=environment
+        ) as process,
+    ):
+        assert process.stdin is not None
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.startswith(b"ray://"):
+                yield line.decode().strip()
+                break
+        else:
+            said.seek(0)
+            raise AssertionError(said.read().decode())
+        process.stdin.close()
 
 
-ENGINES = {"processes": processes, "dask": dask, "ray": ray}
+_RAY = """
+import sys, ray
+options = dict(num_cpus=2, include_dashboard=False, object_store_memory=100 << 20, log_to_driver=False)
+print("ray://" + ray.init(address="local", **options).address_info["gcs_address"], flush=True)
+sys.stdin.read()
+ray.shutdown()
+"""
+ENGINES = [
+    pytest.param(processes, id="processes"),
+    pytest.param(dask, id="dask", marks=pytest.mark.cluster),
+    pytest.param(ray, id="ray", marks=pytest.mark.cluster),
+]
 
 
-def _needs(module: str) -> None:
+def needs(module: str) -> None:
+    """Skips the test where that is not installed."""
     if importlib.util.find_spec(module) is None:
         why = f"{module} is not installed"
         pytest.fail(why) if os.environ.get(NEEDED) else pytest.skip(why)

@@ -23,7 +23,7 @@ from inspector.recording import SweepReader
 from inspector.replay import replay
 from models.verdict import Policy
 from tests.buckets import Buckets
-from tests.clusters import ENGINES
+from tests.clusters import ENGINES, needs
 from tests.inspector.conftest import Line
 from tests.inspector.line import cut
 
@@ -136,7 +136,7 @@ def killed_once(task: Task, marks: Path, work: Callable[..., Outcome], by: By) -
 
 @pytest.fixture(scope="module", params=ENGINES)
 def engine(request: pytest.FixtureRequest) -> Iterator[str]:
-    with ENGINES[request.param]() as url:
+    with request.param() as url:
         yield url
 
 
@@ -204,8 +204,11 @@ def test_a_recording_that_kills_every_worker_is_named_and_stops_nothing(
     assert why["a/good-again"] == "ValueError: a mistake of this program"
 
 
+@pytest.mark.cluster
 def test_tables_are_parquet_where_that_is_asked_for(archive: Path, line: Line, tmp_path: Path):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    needs("pyarrow")
+    from pyarrow import parquet
+
     with open_executor("serial") as workers:
         for name in ("out", "again"):
             run_batch(find_recordings([archive]), by(line), workers, tmp_path / name, table="parquet")
@@ -294,8 +297,9 @@ def test_what_is_no_executor_is_refused_with_what_is(url: str):
         pass
 
 
+@pytest.mark.cluster
 def test_a_cluster_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
-    pytest.importorskip("distributed", reason="distributed is not installed")
+    needs("distributed")
     monkeypatch.setattr("inspector.executors._PATIENCE", 1)
     with pytest.raises(ExecutorRefused, match="nobody"), open_executor("dask://nobody.invalid:1"):
         pass
