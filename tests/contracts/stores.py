@@ -682,6 +682,32 @@ class StoreContract(ABC):
         assert outcomes[int((now.node or "")[1:])] == 8
         assert store.take_inspection("i1", "n9")[1] == Checkpoint((now.node or "")[1:].encode(), ANY)
 
+    def test_a_checkpoint_is_of_one_piece_whoever_takes_the_inspection_meanwhile(self, store: AbstractStore) -> None:
+        learnt(store)
+        begin(store, "i1", node="first")
+
+        def feed(k: int) -> int:
+            """Take it and go on, until another takes it: the state tells of all that was added."""
+            saved = 0
+            for turn in range(8):
+                node = f"n{k}-{turn}"
+                _, checkpoint = store.take_inspection("i1", node)
+                added = [*checkpoint.added] if checkpoint else []
+                assert (checkpoint.state if checkpoint else b"") == b"".join(added)
+                with suppress(NotOwner):
+                    for number in range(4):
+                        added.append(f"{node}-{number} ".encode())
+                        store.save_checkpoint("i1", node, len(added) - 1, b"".join(added), added[-1])
+                        saved += 1
+            return saved
+
+        outcomes = at_once(feed, 4)
+        assert [each for each in outcomes if isinstance(each, Exception)] == []
+        _, checkpoint = store.take_inspection("i1", "last")
+        assert checkpoint is not None
+        assert checkpoint.state == b"".join(checkpoint.added)
+        assert len(checkpoint.added) == sum(each for each in outcomes if isinstance(each, int))
+
     def test_only_one_does_what_only_one_may_do(self, store: AbstractStore) -> None:
         with store.only_one("tidy") as mine, store.only_one("tidy") as again, store.only_one("else") as other:
             assert (mine, again, other) == (True, False, True)
