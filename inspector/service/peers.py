@@ -152,13 +152,17 @@ class Peers:
         self._ear.close()
 
     def _live(self) -> None:
-        steady = time.monotonic()
+        beaten = steady = time.monotonic()
         while not self._closed.wait(BEAT_SECONDS):
             try:
                 self._beat()
                 silent = [node for node in self._look() if node.silent_seconds > DEAD_SECONDS]
-                # Where the database was away, all were silent: they may speak before anybody is buried.
-                if silent and time.monotonic() - steady > DEAD_SECONDS:
+                now = time.monotonic()
+                if now - beaten > DEAD_SECONDS:
+                    # What held this one up, as a database that was away, may hold up all: they may speak first.
+                    steady = now
+                beaten = now
+                if silent and now - steady > DEAD_SECONDS:
                     self._told_of(self._store.bury(DEAD_SECONDS, GONE), GONE)
             except StoreError as error:
                 steady = time.monotonic()
