@@ -39,7 +39,7 @@ _AHEAD = 2
 """Pieces of work handed out for each worker."""
 _PATIENCE = 10
 """Seconds that a cluster may take to answer."""
-_LIST = 8
+_LIST = 16
 """Pieces of work for each worker that are told of together, where an engine cannot tell of each."""
 _TRIES = 3
 """How often workers may be lost without anything done meanwhile."""

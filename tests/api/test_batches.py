@@ -16,12 +16,13 @@ from inspector.replay import replay
 from inspector.settings import read_settings
 from tests.api.stations import BAD, GOOD, PRODUCT, begin, feed, frames, learnt, sweep, teach
 from tests.api.test_round import ended, refused, uploaded
+from tests.buckets import Buckets
 
 HERE = "http://127.0.0.1"
 
 
-def station(data: Path) -> TestClient:
-    app = create_app(read_settings(data=data, scorers=1, executor="processes:2"))
+def station(data: Path, **settings: str) -> TestClient:
+    app = create_app(read_settings(data=data, scorers=1, executor="processes:2", **settings))
     return TestClient(app, base_url=HERE, raise_server_exceptions=False)
 
 
@@ -93,6 +94,20 @@ def test_inspections_are_chosen_by_verdict_and_part(client: TestClient) -> None:
     again = batch(client, ids=[replayed(client)[0]["inspection_id"]])
     assert again["batch"] == counts(1, 0, 0, 1)
     assert "there is no recording" in again["said"][0]
+
+
+def test_workers_read_recordings_from_a_bucket(tmp_path: Path, buckets: Buckets) -> None:
+    files = buckets.new()
+    with station(tmp_path, files=files) as client:
+        teach(service(client))
+        good, lost = (uploaded(client, sweep(GOOD)) for _ in range(2))
+        service(client).files.remove("sweep", lost)
+        job = batch(client, of="sweeps", last=2)
+        assert job["batch"] == counts(2, 0, 1, 1, OK=1)
+        (why,) = job["said"]
+        assert why.startswith(f"sweep {lost}: its recording: there is nothing by that name")
+        (made,) = replayed(client)
+        assert client.get(f"/v1/inspections/{made['inspection_id']}/result").json()["replay_of"] == f"sweep {good}"
 
 
 def test_a_batch_that_was_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -20,9 +20,11 @@ from inspector.cameras.base import AbstractCamera, Clock
 from inspector.cli import app, run
 from inspector.cli.demo import free_name
 from inspector.learner import load_appearance
+from inspector.objects import Objects, beneath
 from inspector.pictures import encode_png
 from inspector.recording import SweepReader, count_frames
 from models.frame import Frame
+from tests.buckets import Buckets
 from tests.inspector.conftest import Line
 from tests.inspector.line import SPOT, cut, recorded, url
 
@@ -299,6 +301,28 @@ def test_a_batch_names_what_it_cannot_read_and_goes_on_where_it_was(
     (folder / "none.mcap").unlink()
     code, out, err = told(capsys, *asked)
     assert (code, out.splitlines()[0], err) == (0, "1 recording inspected, 1 of them before: 1 OK", "")
+
+
+def test_recordings_are_learnt_and_inspected_by_url(
+    line: Line, tmp_path: Path, capsys: Captured, buckets: Buckets
+) -> None:
+    bucket = buckets.new()
+    for path in (*line.golden, line.good, line.spot):
+        Objects(bucket).put_new(f"parts/{path.name}", path)
+    golden = [beneath(bucket, f"parts/{path.name}") for path in line.golden]
+    new, out = tmp_path / "a", tmp_path / "out"
+    assert told(capsys, "learn", *golden, "--out", new)[1].splitlines()[-1] == line.appearance.id
+    Objects(bucket).put_new("line.appearance", new)
+    spot, learnt = beneath(bucket, "parts/spot.mcap"), beneath(bucket, "line.appearance")
+    code, said, err = told(capsys, "replay", spot, "--appearance", learnt, "--fail-on-ng")
+    assert (code, err) == (3, "")
+    assert said.startswith(f"{bucket.partition('?')[0]}/parts/spot.mcap: NG\n")
+    asked = ("batch", beneath(bucket, "parts"), "--appearance", learnt, "--out", out, "--executor", "serial")
+    assert told(capsys, *asked)[1].startswith("4 recordings inspected: 3 OK, 1 NG\n")
+    assert sorted(path.stem for path in (out / "results").iterdir()) == ["golden-1", "golden-2", "good", "spot"]
+    code, said, err = told(capsys, "batch", beneath(bucket, "nothing"), "--appearance", learnt, "--out", out)
+    assert (code, said, err.count("\n")) == (1, "", 1)
+    assert "nothing; allowed are MCAP files" in err
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, "workspace learn"])
