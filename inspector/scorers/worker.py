@@ -91,9 +91,10 @@ class Worker:
             "appearance_id": appearance.id,
         }
         policy = Policy(**head["policy"])
-        size = next(iter(head.get("resume", ())), 0)
-        saved = Saved(body[:size], body[size:])
-        going = resume(appearance, policy, saved, self._max_pixels) if size else None
+        going = None
+        if "resume" in head:
+            size = head["resume"][0]
+            going = resume(appearance, policy, Saved(body[:size], body[size:]), self._max_pixels)
         tape = Tape(self._tapes, Path(head["record_to"]), facts)
         inspected = Inspected(appearance, policy, names, tape, max_pixels=self._max_pixels, going=going)
         self._inspected[head["id"]] = inspected

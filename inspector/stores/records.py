@@ -165,7 +165,7 @@ class Checkpoint:
     """How far an inspection is, for the service that takes it over."""
 
     state: bytes
-    """As handed in last."""
+    """As handed in last; empty where a crash of the database has lost it: it is not logged."""
     added: tuple[bytes, ...]
     """All that was handed in, in its order."""
 

@@ -682,6 +682,15 @@ class StoreContract(ABC):
         assert outcomes[int((now.node or "")[1:])] == 8
         assert store.take_inspection("i1", "n9")[1] == Checkpoint((now.node or "")[1:].encode(), ANY)
 
+    def test_a_state_that_a_crash_has_lost_is_told_apart_from_none(self, store: AbstractStore) -> None:
+        learnt(store)
+        begin(store, "i1", node="n1")
+        store.save_checkpoint("i1", "n1", 0, b"state", b"a")
+        behind(store, "DELETE FROM checkpoints")
+        assert store.take_inspection("i1", "n2")[1] == Checkpoint(b"", (b"a",))
+        store.save_checkpoint("i1", "n2", 1, b"later", b"b")
+        assert store.take_inspection("i1", "n3")[1] == Checkpoint(b"later", (b"a", b"b"))
+
     def test_a_checkpoint_is_of_one_piece_whoever_takes_the_inspection_meanwhile(self, store: AbstractStore) -> None:
         learnt(store)
         begin(store, "i1", node="first")

@@ -67,11 +67,10 @@ class Checkpoints(Room):
 def _checkpoint(connection: Connection, inspection_id: str) -> Checkpoint | None:
     asked = select(CHECKPOINTS.c.state).where(CHECKPOINTS.c.inspection_id == inspection_id)
     state = connection.execute(asked).scalar_one_or_none()
-    if state is None:
-        return None
     part = CHECKPOINT_PARTS.c
-    added = select(part.added).where(part.inspection_id == inspection_id).order_by(part.number)
-    return Checkpoint(state, tuple(connection.execute(added).scalars()))
+    parts = select(part.added).where(part.inspection_id == inspection_id).order_by(part.number)
+    added = tuple(connection.execute(parts).scalars())
+    return None if state is None and not added else Checkpoint(state or b"", added)
 
 
 def _put(connection: Connection, table: Table, key: dict[str, Any], values: dict[str, Any]) -> None:

@@ -198,6 +198,7 @@ def test_a_checkpoint_that_cannot_be_gone_on_with_is_told_and_nothing_is_recorde
             (names, bytes([*body[:100], body[100] ^ 1, *body[101:]])),
             (names | {"resume": [head["resume"][0]]}, body[: head["resume"][0]]),
             (names | {"resume": [10]}, body),
+            (names | {"resume": [0]}, b""),
         ]
         answers, other = list[str](), Heard()
         for change, data in spoilt:
