@@ -1,14 +1,10 @@
-"""The services that share a store: this one says that it lives, hears the others, and buries those that are gone.
-
-What a service believes of itself decides nothing: the store lets only who has an inspection write to it.
-"""
+"""The services that share a store: which there are, what is told to them, and what is heard from them."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import socket
-import threading
 import time
 from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -22,17 +18,12 @@ import structlog
 from inspector.errors import StoreError
 from inspector.service.events import EVERY, Events
 from inspector.service.folder import new_id
-from inspector.stores.base import AbstractStore, NoSuchNode
+from inspector.service.heart import STOPPED, Heart
+from inspector.stores.base import AbstractStore
 from inspector.stores.records import Buried, Json, Node
 
-BEAT_SECONDS = 1.0
-DEAD_SECONDS = 3.0
-"""Who was silent for longer is gone, by the clock of the database."""
 TELL_SECONDS = 0.25
 """Events are told so often, as many at a time as there are."""
-GONE = "the service that did this does not answer any more"
-STOPPED = "the service that did this was stopped"
-_LONG_SECONDS = 86_400.0
 _LINGER_SECONDS = 30.0
 """For so long after the last listener left, everything is still told to this service."""
 _UNTOLD = 4096
@@ -51,8 +42,7 @@ _ENDS = frozenset({"verdict", "aborted", "interrupted"})
 class Peers:
     """The other services, seen from this one. On a store that is not shared there are none, and nothing is done.
 
-    Used from the event loop, where handlers are called, too. A thread of its own says that this service lives: it waits
-    for nothing but the database.
+    Used from the event loop, where handlers are called, too.
     """
 
     def __init__(
@@ -78,29 +68,35 @@ class Peers:
         """Those to tell, who waits for longest first."""
         self._picture_room = 0.0
         self._listened_at: float | None = None
-        self._silent_because: str | None = None
-        self._closed = threading.Event()
-        self._heart = threading.Thread(target=self._live, name="heart", daemon=True)
+        self._closed = False
         self._voice = ThreadPoolExecutor(1, thread_name_prefix="voice")
         self._ear = ExitStack()
         self._teller: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._started_ns = now_ns()
+        self._me = Node(self.node_id, self.name, now_ns(), 0.0, {})
+        self._heart = Heart(
+            store,
+            self._me,
+            facts=lambda: self._told,
+            saw=lambda others: self._soon(self._saw, others),
+            freed=self._told_of,
+        )
 
     async def start(self) -> None:
         """Join the others. Raises StoreFailed."""
         self._loop = asyncio.get_running_loop()
         if not self._store.shared:
             return
-        await asyncio.to_thread(self._join)
+        await asyncio.to_thread(self._heart.start)
+        await asyncio.to_thread(self._ear.enter_context, self._store.listen(self.node_id, self._heard))
         self._events.told, self._events.shown = self._tell_event, self._tell_picture
-        self._heart.start()
         self._teller = asyncio.create_task(self._tell())
 
     async def stop(self) -> None:
         """Leave the others; what waits to be told is told before. A second call does nothing."""
         if self._teller is None:
             return
+        self._closed = True
         self._teller.cancel()
         await asyncio.gather(self._teller, return_exceptions=True)
         self._teller = None
@@ -110,40 +106,13 @@ class Peers:
     @property
     def nodes(self) -> tuple[Node, ...]:
         """All services, this one first, as they were a second ago at the most."""
-        return Node(self.node_id, self.name, self._started_ns, 0.0, self._facts()), *self._nodes.values()
-
-    def on(self, kind: str, handler: Callable[[Json], object]) -> None:
-        """What to do where another service asks for something of that kind."""
-        self._handlers[kind] = handler
-
-    def ask(self, node_id: str, kind: str, **facts: object) -> bool:
-        """Ask another service for something; False where it is not there. Whether it does it, it does not say."""
-        if node_id not in self._nodes or self._closed.is_set():
-            return False
-        head = {"from": self.node_id, "do": "ask", "kind": kind, "facts": facts}
-        self._voice.submit(self._say, [_message(head)], [node_id])
-        return True
-
-    def troubles(self) -> list[str]:
-        """A sentence, where the others take this service for gone, or soon will."""
-        why = self._silent_because
-        return [f"the other services do not hear from this one: {why}"] if why is not None else []
-
-    # The heart: a thread.
-
-    def _join(self) -> None:
-        self._store.join(self.node_id, self.name, self._started_ns)
-        # Who was silent for a while is buried by the heart, when it is sure of it.
-        self._told_of(self._store.bury(_LONG_SECONDS, GONE), GONE)
-        self._look()
-        self._ear.enter_context(self._store.listen(self.node_id, self._heard))
+        return replace(self._me, facts=self._facts()), *self._nodes.values()
 
     def _leave(self) -> None:
-        self._closed.set()
-        self._heart.join()
+        """In a thread."""
         self._voice.shutdown()
         try:
-            for kind, facts in self._lost(self._store.leave(self.node_id, STOPPED), STOPPED):
+            for kind, facts in self._lost(self._heart.stop(), STOPPED):
                 self._untold.append((kind, json.dumps(facts)))
         except StoreError as error:
             # The others find out for themselves.
@@ -151,39 +120,24 @@ class Peers:
         self._say([*self._batches(), _message({"from": self.node_id, "do": "left"})])
         self._ear.close()
 
-    def _live(self) -> None:
-        beaten = steady = time.monotonic()
-        while not self._closed.wait(BEAT_SECONDS):
-            try:
-                self._beat()
-                silent = [node for node in self._look() if node.silent_seconds > DEAD_SECONDS]
-                now = time.monotonic()
-                if now - beaten > DEAD_SECONDS:
-                    # What held this one up, as a database that was away, may hold up all: they may speak first.
-                    steady = now
-                beaten = now
-                if silent and now - steady > DEAD_SECONDS:
-                    self._told_of(self._store.bury(DEAD_SECONDS, GONE), GONE)
-            except StoreError as error:
-                steady = time.monotonic()
-                if self._silent_because is None:
-                    self._log.warning("service not heard", error=str(error))
-                self._silent_because = str(error)
-            else:
-                self._silent_because = None
+    def on(self, kind: str, handler: Callable[[Json], object]) -> None:
+        """What to do where another service asks for something of that kind."""
+        self._handlers[kind] = handler
 
-    def _beat(self) -> None:
-        try:
-            self._store.beat(self.node_id, self._told)
-        except NoSuchNode:
-            # What it had is not its own any more: whatever it writes to it fails.
-            self._log.warning("service was taken for gone", node_id=self.node_id)
-            self._store.join(self.node_id, self.name, self._started_ns)
+    def ask(self, node_id: str, kind: str, **facts: object) -> bool:
+        """Ask another service for something; False where it is not there. Whether it does it, it does not say."""
+        if node_id not in self._nodes or self._closed:
+            return False
+        head = {"from": self.node_id, "do": "ask", "kind": kind, "facts": facts}
+        self._voice.submit(self._say, [_message(head)], [node_id])
+        return True
 
-    def _look(self) -> tuple[Node, ...]:
-        others = tuple(node for node in self._store.nodes() if node.node_id != self.node_id)
-        self._soon(self._saw, others)
-        return others
+    def troubles(self) -> list[str]:
+        """A sentence, where the others take this service for gone, or soon will."""
+        why = self._heart.trouble
+        return [f"the other services do not hear from this one: {why}"] if why is not None else []
+
+    # What the heart, a thread, found out.
 
     def _told_of(self, buried: Buried, why: str) -> None:
         for node in buried.nodes:
@@ -205,8 +159,6 @@ class Peers:
     def _soon(self, function: Callable[..., object], *arguments: object) -> None:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(function, *arguments)
-
-    # What the heart found out: on the event loop.
 
     def _saw(self, others: Iterable[Node]) -> None:
         # What a service told itself may be newer than what it has in the store.

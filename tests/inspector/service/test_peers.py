@@ -12,9 +12,11 @@ from typing import Any
 import psycopg
 import pytest
 
+from inspector.service import heart
 from inspector.service import peers as module
 from inspector.service.events import EVERY, Event, Events
-from inspector.service.peers import GONE, STOPPED, Peers
+from inspector.service.heart import GONE, STOPPED
+from inspector.service.peers import Peers
 from inspector.stores import AbstractStore, open_store
 from tests.contracts.stores import NOW, begin, behind, engine, learnt
 from tests.postgresql import Server
@@ -62,8 +64,8 @@ def run(work: Awaitable[None]) -> None:
 
 @pytest.fixture(autouse=True)
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("BEAT_SECONDS", "TELL_SECONDS"):
-        monkeypatch.setattr(module, name, 0.05)
+    monkeypatch.setattr(heart, "BEAT_SECONDS", 0.05)
+    monkeypatch.setattr(module, "TELL_SECONDS", 0.05)
 
 
 def test_what_happens_at_one_is_told_at_all_in_its_order_and_to_nobody_twice(postgresql: Server) -> None:
@@ -184,7 +186,7 @@ def test_one_asks_another_for_something(postgresql: Server) -> None:
 def test_who_is_silent_is_buried_and_all_are_told_what_it_had(
     postgresql: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "DEAD_SECONDS", 2.0)
+    monkeypatch.setattr(heart, "DEAD_SECONDS", 2.0)
 
     async def work() -> None:
         async with places(postgresql.new_database()) as (one, two):
@@ -243,7 +245,7 @@ def test_who_was_taken_for_gone_joins_again(postgresql: Server) -> None:
 def test_a_database_that_was_away_buries_nobody_and_what_may_be_missing_is_said(
     postgresql: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "DEAD_SECONDS", 1.5)
+    monkeypatch.setattr(heart, "DEAD_SECONDS", 1.5)
 
     async def work() -> None:
         async with places(postgresql.new_database()) as (one, two):
