@@ -29,4 +29,5 @@ async def ready(service: ServiceDep) -> Response:
 async def metrics(service: ServiceDep) -> Response:
     """For Prometheus."""
     service.inspections.observe()
+    service.metrics.services.set(len(service.peers.nodes))
     return Response(service.metrics.exposition(), media_type=service.metrics.content_type)

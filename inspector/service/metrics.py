@@ -41,6 +41,7 @@ class Metrics:
         self.unpublished = Gauge("inspector_recordings_unpublished", "Recordings that wait on the disk", registry=at)
         """Closed, and not yet where they are kept."""
         self.listeners = Gauge("inspector_event_listeners", "Listeners to events", registry=at)
+        self.services = Gauge("inspector_services", "Services on the database, this one too", registry=at)
         self.held = Histogram("inspector_event_loop_held_seconds", "The event loop held", buckets=_HELD, registry=at)
 
     def exposition(self) -> bytes:

@@ -91,6 +91,7 @@ def test_the_station_counts_frames_and_tells_how_long_they_take(client: TestClie
     assert (after["frames"]["scored"], after["running"], after["state"]) == (5, 1, "inspecting")
     assert 0 < after["latency"]["p50"] <= after["latency"]["p99"]
     assert [(node["state"], node["running"]) for node in after["nodes"]] == [("inspecting", 1)]
+    assert "inspector_services 1.0" in client.get("/metrics").text
 
 
 def test_latency_is_read_from_the_buckets() -> None:
