@@ -10,9 +10,12 @@ inspector.errors.WorldError
 from __future__ import annotations
 
 import os
+import threading
+import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Any, TypeVar
 
@@ -142,16 +145,17 @@ class Executor:
     ) -> Iterator[tuple[int, B | _Broke]]:
         """Raises _Died where a worker died: what was yielded is done, the rest is not."""
         if self._backend is None:
-            yield from (_done(each, work, *shared) for each in numbered)
+            yield from (_done(each, None, work, *shared) for each in numbered)
             return
         size = self._at_once if self._lists else len(numbered)
         how = "list" if self._lists else "generator_unordered"
         ahead = _AHEAD * self.workers
+        parent = os.getpid() if self._backend == "loky" else None
         parallel = _JOBLIB.Parallel(n_jobs=self.workers, return_as=how, batch_size=1, pre_dispatch=ahead)
         try:
             for start in range(0, len(numbered), size):
                 some = numbered[start : start + size]
-                made: Iterable[Any] = parallel(_JOBLIB.delayed(_done)(each, work, *shared) for each in some)
+                made: Iterable[Any] = parallel(_JOBLIB.delayed(_done)(each, parent, work, *shared) for each in some)
                 yield from made
         except (WorldError, GeneratorExit, KeyboardInterrupt):
             raise
@@ -172,9 +176,11 @@ class _Broke:
     why: str
 
 
-def _done(numbered: tuple[int, Any], work: Callable[..., Any], *shared: object) -> tuple[int, Any]:
+def _done(numbered: tuple[int, Any], parent: int | None, work: Callable[..., Any], *shared: object) -> tuple[int, Any]:
     """In the worker."""
     number, thing = numbered
+    if parent is not None and parent != os.getpid():
+        _ends_with(parent)
     cv2.setNumThreads(1)
     try:
         # More threads may change last bits.
@@ -183,6 +189,18 @@ def _done(numbered: tuple[int, Any], work: Callable[..., Any], *shared: object) 
     # whatever it is, it is of this thing
     except Exception as error:
         return number, _Broke(f"{type(error).__name__}: {error}")
+
+
+@cache
+def _ends_with(parent: int) -> None:
+    """A worker whose parent is killed would wait for minutes for more to do."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _nothing(thing: None) -> None:

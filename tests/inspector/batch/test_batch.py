@@ -7,6 +7,9 @@ import json
 import os
 import shutil
 import signal
+import subprocess
+import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -160,6 +163,41 @@ def test_every_engine_learns_the_same_bytes(engine: str, line: Line, tmp_path: P
     with open_executor(engine) as workers:
         learn_recordings(golden, tmp_path / "two", executor=workers)
     assert (tmp_path / "two").read_bytes() == (tmp_path / "one").read_bytes()
+
+
+def waits(number: int, marks: Path) -> None:
+    (marks / str(os.getpid())).touch()
+    threading.Event().wait()
+
+
+WAITING = """
+import sys, pathlib, inspector.executors, tests.inspector.batch.test_batch as here
+with inspector.executors.open_executor("processes:2") as workers:
+    list(workers.each(here.waits, [1, 2], pathlib.Path(sys.argv[1])))
+"""
+
+
+def test_workers_do_not_outlive_who_started_them(tmp_path: Path):
+    with subprocess.Popen([sys.executable, "-c", WAITING, tmp_path], stderr=subprocess.DEVNULL) as process:
+        until(lambda: len(list(tmp_path.iterdir())) == 2)
+        process.kill()
+    workers = [int(path.name) for path in tmp_path.iterdir()]
+    until(lambda: not any(runs(pid) for pid in workers))
+
+
+def until(true: Callable[[], bool]) -> None:
+    for _ in range(1200):
+        if true():
+            return
+        threading.Event().wait(0.05)
+    raise AssertionError("it does not come true")
+
+
+def runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 class Dying(Executor):
