@@ -14,11 +14,13 @@ inspector.errors.WorldError
 from __future__ import annotations
 
 import io
+import os
 import re
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
@@ -31,7 +33,7 @@ from inspector.errors import WorldError
 
 if TYPE_CHECKING:
     from obstore import GetResult
-    from obstore.store import ClientConfig, RetryConfig
+    from obstore.store import ClientConfig, RetryConfig, S3Config
 
 _BUCKET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
 _ENDPOINT = re.compile(r"https?://([A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\])(:\d{1,5})?(/[A-Za-z0-9._~/-]*)?")
@@ -123,11 +125,9 @@ class Objects:
         self.url = url
         self._name, self._prefix, self._s3 = shown(url), place.path, place.scheme == "s3"
         with self._told(""):
-            if place.scheme == "s3":
-                more = {name: value for name in ("endpoint", "region") if (value := getattr(place, name)) is not None}
-                self._store = S3Store(place.base, client_options=_CLIENT, retry_config=_RETRIES, **more)
-            else:
-                self._store = HTTPStore.from_url(place.base, client_options=_CLIENT, retry_config=_RETRIES)
+            self._store = _store(
+                place.scheme, place.base, place.endpoint, place.region, tuple(sorted(_credentials().items()))
+            )
 
     def open(self, name: str = "") -> BinaryIO:
         """To read and to seek in; nothing is fetched but what is read, and some ahead. Raises NoSuchObject."""
@@ -296,6 +296,26 @@ class _Ranges(io.RawIOBase):
         self._start = self._at
         if size != self._size or len(self._held) != end - self._at:
             raise ObjectsUnusable(shown(beneath(self._objects.url, self._name)), "it changed while it was read")
+
+
+def _credentials() -> dict[str, str]:
+    """What the library reads of the environment."""
+    return {name: value for name, value in os.environ.items() if name.startswith("AWS_")}
+
+
+@lru_cache(maxsize=32)
+def _store(
+    scheme: str, base: str, endpoint: str | None, region: str | None, credentials: tuple[tuple[str, str], ...]
+) -> S3Store | HTTPStore:
+    """With its connections, for all who ask there by the same `credentials`; a new one costs some milliseconds."""
+    if scheme != "s3":
+        return HTTPStore.from_url(base, client_options=_CLIENT, retry_config=_RETRIES)
+    config: S3Config = {}
+    if endpoint is not None:
+        config["endpoint"] = endpoint
+    if region is not None:
+        config["region"] = region
+    return S3Store(base, config=config, client_options=_CLIENT, retry_config=_RETRIES)
 
 
 def _parsed(url: str) -> _Place:

@@ -7,15 +7,16 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Message, Metadata, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Footer, Message, Metadata, MetadataIndex, Schema, Statistics
 
-from inspector.recording.framing import MAGIC, PREFIX, Damage, RecordScan, Unchecked
+from inspector.recording.framing import MAGIC, MAX_CHUNK, PREFIX, Damage, RecordScan, Unchecked
 
 FOOTER_BYTES = PREFIX.size + 20
 FACTS = "sweep"
@@ -32,6 +33,10 @@ class Survey:
     counts: Mapping[int, int] = field(default_factory=dict[int, int])
     chunks: dict[int, int] = field(default_factory=dict[int, int])
     """Length of each chunk by its offset, as far as known."""
+    metadata: dict[int, MetadataIndex] = field(default_factory=dict[int, MetadataIndex])
+    """Where records of metadata are, by offset; only from a summary."""
+    metadata_count: int | None = None
+    """How many there are, where a summary says it."""
     note: str | None = None
     """What is wrong with the file, where something is known to be."""
 
@@ -43,8 +48,11 @@ class Survey:
                 self.channels[record.id] = record
             case ChunkIndex():
                 self.chunks[record.chunk_start_offset] = record.chunk_length
+            case MetadataIndex():
+                self.metadata[record.offset] = record
             case Statistics():
                 self.counts = record.channel_message_counts
+                self.metadata_count = record.metadata_count
             case _:
                 pass
 
@@ -53,6 +61,7 @@ KINDS = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
     Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
     Opcode.STATISTICS: Statistics,
 }
 
@@ -128,11 +137,36 @@ def survey_by_reading(file: BinaryIO) -> Survey:
 
 
 def read_facts(file: BinaryIO) -> dict[str, str]:
-    """The facts of the sweep, without touching the pictures."""
+    """The facts of the sweep: from where the summary says that they are, or by a pass over the heads of all records."""
+    with suppress(ValueError):
+        found = survey_summary(file)
+        if found is not None and (known := _indexed_facts(file, found)) is not None:
+            return known
     facts: dict[str, str] = {}
     for item in RecordScan(file, {}, only=frozenset((Opcode.METADATA,))):
         if isinstance(item, Metadata) and item.name == FACTS:
             facts |= item.metadata
         if isinstance(item, Damage):
             break
+    return facts
+
+
+def _indexed_facts(file: BinaryIO, found: Survey) -> dict[str, str] | None:
+    """None where the summary does not tell all of them, or not rightly."""
+    if found.metadata_count != len(found.metadata):
+        return None
+    facts: dict[str, str] = {}
+    for offset, index in sorted(found.metadata.items()):
+        if index.name == FACTS:
+            file.seek(offset)
+            opcode, length = PREFIX.unpack(file.read(PREFIX.size).ljust(PREFIX.size, b"\0"))
+            if opcode != Opcode.METADATA or length != index.length - PREFIX.size or length > MAX_CHUNK:
+                return None
+            try:
+                record = Metadata.read(ReadDataStream(io.BytesIO(file.read(length))))
+            except (McapError, struct.error, UnicodeDecodeError):
+                return None
+            if record.name != FACTS:
+                return None
+            facts |= record.metadata
     return facts

@@ -120,6 +120,11 @@ class Files:
         """Where its recording waits to be published, when it is closed and whole."""
         return self._own("inspection", inspection_id) or self._tapes / f"{DataFolder.checked(inspection_id)}.mcap"
 
+    def waiting(self, inspection_id: str) -> Path | None:
+        """A whole recording that waits here to be published; it may be gone, to where it is kept, at any time."""
+        path = self.whole(inspection_id)
+        return path if self.common and path.exists() else None
+
     def left(self) -> tuple[tuple[str, int | None, Path], ...]:
         """What waits here to be published: inspection, take (None: the whole recording), and the file."""
         found = [(_TAPE.fullmatch(path.name), path) for path in sorted(self._tapes.iterdir())]

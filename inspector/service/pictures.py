@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from inspector.errors import WorldError
 from inspector.locations import shown_place
 from inspector.scores_json import scores_from_bytes, scores_to_bytes
-from inspector.service.desk import Desk, naming
+from inspector.service.desk import Desk, WorkFailed, naming
 from inspector.service.errors import NotConcluded, RecordingGone
 from inspector.service.files import Files
 from inspector.stores.base import AbstractStore
@@ -75,6 +75,21 @@ class Pictures:
                 self._told.move_to_end(key)
                 return known
         stored = self._ended(inspection_id)
+        waited = self._files.waiting(inspection_id) is not None
+        try:
+            made = self._look(stored, index, kind)
+        except WorkFailed:
+            if not waited:
+                raise
+            # It may have been brought to where it is kept meanwhile.
+            made = self._look(self._ended(inspection_id), index, kind)
+        if "missing" in made:
+            raise NoSuchPicture(inspection_id, index, kind, made["missing"])
+        picture = EncodedPicture(made["format"], b64decode(made["data"]))
+        self._keep(key, picture)
+        return picture
+
+    def _look(self, stored: StoredInspection, index: int, kind: str) -> Json:
         scored, (recording, thing) = self._frame(stored, index), self._recording(stored)
         appearance = self._files.local_appearance(stored.appearance_id)
         asked = {
@@ -86,12 +101,7 @@ class Pictures:
             "scored": b64encode(scores_to_bytes([scored])).decode() if scored is not None else None,
         }
         with naming({shown_place(recording): f"the recording of {thing}", str(appearance): "the appearance"}):
-            made = self._desk.do("picture", asked)
-        if "missing" in made:
-            raise NoSuchPicture(inspection_id, index, kind, made["missing"])
-        picture = EncodedPicture(made["format"], b64decode(made["data"]))
-        self._keep(key, picture)
-        return picture
+            return self._desk.do("picture", asked)
 
     def sampling(self, product_id: str, appearance_id: str) -> Json:
         """How densely the reference sweep of an appearance shows the part. Raises NoSuchAppearance, WorkFailed."""
@@ -115,7 +125,8 @@ class Pictures:
 
     def _ended(self, inspection_id: str) -> StoredInspection:
         stored = self._store.inspection(inspection_id)
-        if stored.state == "processing" or stored.recording == "being written":
+        closed = stored.recording != "being written" or self._files.waiting(inspection_id) is not None
+        if stored.state == "processing" or not closed:
             raise NotConcluded(inspection_id, "frame to look at")
         return stored
 
@@ -145,6 +156,8 @@ class Pictures:
                 return self._files.place("sweep", of), f"sweep {of}"
             raise RecordingGone(stored.inspection_id, "none", f"sweep {of} is not there any more")
         source = self._store.inspection(of) if kind == "inspection" else stored
+        if (waiting := self._files.waiting(source.inspection_id)) is not None:
+            return str(waiting), f"inspection {source.inspection_id}"
         if source.recording == "kept" and self._files.size("inspection", source.inspection_id) is not None:
             return self._files.place("inspection", source.inspection_id), f"inspection {source.inspection_id}"
         raise RecordingGone(source.inspection_id, source.recording, source.recording_note)

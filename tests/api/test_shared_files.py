@@ -12,7 +12,7 @@ from fastapi.testclient import TestClient
 from api.app import create_app
 from inspector.objects import Objects
 from inspector.settings import Settings
-from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, material, sweep
+from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, material, picture, sweep
 from tests.api.test_round import HERE, MCAP, ended, uploaded
 from tests.buckets import Buckets
 from tests.postgresql import Server
@@ -91,6 +91,30 @@ def test_a_recording_of_one_is_shown_replayed_and_sent_by_the_other(
     assert shown[0].content == shown[1].content
     again = other.post("/v1/replays", json={"inspection_id": result["inspection_id"]}).json()
     assert one.get(f"/v1/inspections/{again['inspection_id']}").json()["digest"] == result["digest"]
+
+
+def test_frames_are_shown_while_the_recording_cannot_be_brought_away(
+    two: tuple[TestClient, TestClient], recipe: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, other = two
+    service = one.app.state.service  # pyright: ignore[reportAttributeAccessIssue]
+    with monkeypatch.context() as away:
+        away.setattr(service.files, "_kept", type(service.files._kept)(Objects("s3://b-0?endpoint=http://127.0.0.1:1")))
+        inspection = begin(one)
+        feed(one, inspection, frames(GOOD))
+        assert one.post(f"/v1/inspections/{inspection}/conclude").json()["verdict"] == "OK"
+        at = f"/v1/inspections/{inspection}"
+        shown = one.get(f"{at}/frames/7/pictures/frame").content
+        assert shown == picture(frames(GOOD)[7])
+        for client in two:
+            assert client.get(f"{at}/recording").status_code == 409
+            assert client.get(at).json()["recording"] == "being written"
+        assert other.get(f"{at}/frames/7/pictures/frame").status_code == 409
+        assert b"inspector_recordings_unpublished 1.0" in one.get("/metrics").content
+    while other.get(at).json()["recording"] == "being written":
+        threading.Event().wait(0.01)
+    assert {client.get(f"{at}/frames/7/pictures/frame").content for client in two} == {shown}
+    assert b"inspector_recordings_unpublished 0.0" in one.get("/metrics").content
 
 
 def test_a_sweep_is_kept_in_the_bucket_and_sent_from_there(two: tuple[TestClient, TestClient], bucket: str) -> None:

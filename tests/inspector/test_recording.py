@@ -216,3 +216,34 @@ def test_a_recording_is_read_by_url_as_from_the_disk(tmp_path, buckets, share):
     assert (there.facts, there.losses, count_frames(place)) == (here.facts, here.losses, count_frames(path))
     with pytest.raises(NotARecording, match=r"^s3://bucket-\d+/line/b.mcap: there is nothing by that name"):
         SweepReader(beneath(url, "line/b.mcap"))
+
+
+def test_of_a_recording_far_away_facts_and_length_cost_little(tmp_path, buckets, monkeypatch):
+    path = written(tmp_path / "a.mcap", (frame(n) for n in range(60)), part_id="7", flush_seconds=0.0)
+    url, asked, whole = buckets.new(), [], Objects.range
+    Objects(url).put_new("a.mcap", path)
+
+    def told(self, name, start, end):
+        asked.append(end - start)
+        return whole(self, name, start, end)
+
+    monkeypatch.setattr(Objects, "range", told)
+    reader = SweepReader(beneath(url, "a.mcap"))
+    assert (reader.facts, count_frames(reader.path)) == ({"part_id": "7"}, 60)
+    # Each looks at the beginning, then at the end; the summary of 60 chunks may need one more.
+    assert len(asked) <= 9
+
+
+def test_facts_are_found_where_the_index_does_not_tell_them_rightly(tmp_path):
+    path = written(tmp_path / "a.mcap", [frame(0)], part_id="7")
+    data = path.read_bytes()
+    with path.open("rb") as file:
+        index = next(iter(make_reader(file).get_summary().metadata_indexes))
+    for offset in (0, index.offset + 1, len(data) + 5):
+        wrong = data.replace(
+            index.offset.to_bytes(8, "little") + index.length.to_bytes(8, "little"),
+            offset.to_bytes(8, "little") + index.length.to_bytes(8, "little"),
+        )
+        assert wrong != data
+        (tmp_path / "wrong.mcap").write_bytes(wrong)
+        assert SweepReader(tmp_path / "wrong.mcap").facts == {"part_id": "7"}
