@@ -88,7 +88,9 @@ class Settings(BaseSettings):
     executor: Annotated[str, Field(pattern=r"^(serial|processes(:[1-9]\d*)?|dask://.+|ray://.+)$")] = (
         f"processes:{max(1, CORES // 2)}"
     )
-    """Where batches are done: `serial`, `processes:N` beside this service, `dask://HOST:PORT`, `ray://auto`."""
+    """Where batches are done, and three golden sweeps or more are learnt: `serial`, `processes:N` beside this service,
+    `dask://HOST:PORT`, `ray://auto`.
+    """
 
     cameras: dict[str, str] = Field(default_factory=dict)
     """Cameras that sweeps can be recorded from, by name. JSON in the environment: `{"top": "opencv:0"}`."""

@@ -20,9 +20,16 @@ class Learning:
     """Learns appearances of products. Everything here blocks."""
 
     def __init__(
-        self, store: AbstractStore, files: Files, desk: Desk, now_ns: Callable[[], int] = time.time_ns
+        self,
+        store: AbstractStore,
+        files: Files,
+        desk: Desk,
+        now_ns: Callable[[], int] = time.time_ns,
+        *,
+        executor: str = "serial",
     ) -> None:
         self._store, self._files, self._desk, self._now_ns = store, files, desk, now_ns
+        self._executor = executor
 
     def check(self, product_id: str, sweep_ids: Sequence[str], add_to: str | None) -> None:
         """Raises NoSuchProduct, NoSuchSweep, NoSuchAppearance, before a job is begun."""
@@ -48,7 +55,7 @@ class Learning:
         sweeps = [self._files.place("sweep", sweep_id) for sweep_id in sweep_ids]
         names = {shown_place(place): f"sweep {sweep_id}" for place, sweep_id in zip(sweeps, sweep_ids, strict=True)}
         before: tuple[str, ...] = ()
-        asked: Json = {"sweeps": sweeps, "add_to": None, "ignore": None}
+        asked: Json = {"sweeps": sweeps, "add_to": None, "ignore": None, "executor": self._executor}
         if add_to is not None:
             old = self._files.local_appearance(add_to)
             before = self._store.appearance(product_id, add_to).sweep_ids

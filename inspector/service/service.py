@@ -119,7 +119,7 @@ class Service:
             max_frames=settings.max_frames,
             now_ns=self.now_ns,
         )
-        self.learning = Learning(store, files, learning, self.now_ns)
+        self.learning = Learning(store, files, learning, self.now_ns, executor=settings.executor)
         self.replays = Replays(store, files, looking, recognising, self.now_ns)
         self.batches = Batches(
             store, files, self.replays, recognising, desk=many, executor=settings.executor, now_ns=self.now_ns

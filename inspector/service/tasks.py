@@ -21,6 +21,7 @@ import numpy as np
 from inspector.cameras import open_camera
 from inspector.cameras.base import waits
 from inspector.errors import RecordingError
+from inspector.executors import open_executor
 from inspector.files import write_new
 from inspector.labels import read_recording
 from inspector.learner import add_recordings, learn_recordings, load_appearance
@@ -48,6 +49,10 @@ from models.workspace import Workspace
 
 Progress = Callable[[float], None]
 Json = dict[str, Any]
+_MANY = 3
+"""Golden sweeps: the first is read here, and two or more of the others at once."""
+_ALONE = ("serial", "processes:1")
+"""Executors that would do no more than this process."""
 
 
 class TooManyFrames(RecordingError):
@@ -97,14 +102,28 @@ def record(
 
 
 def learn(
-    progress: Progress, *, sweeps: Sequence[str], appearance: str, add_to: str | None, ignore: str | None
+    progress: Progress,
+    *,
+    sweeps: Sequence[str],
+    appearance: str,
+    add_to: str | None,
+    ignore: str | None,
+    executor: str = "serial",
 ) -> Json:
-    """Golden sweeps as an appearance, as `inspector learn` makes it. Raises LearningError, RecordingError."""
+    """Golden sweeps as an appearance, as `inspector learn` makes it. Raises LearningError, RecordingError.
+
+    By an executor where there are many; raises as `open_executor` does then, and WorkersLost.
+    """
     said: list[str] = []
-    if add_to is None:
+    if add_to is not None:
+        learnt = add_recordings(sweeps, add_to, appearance, progress, tell=said.append)
+    elif len(sweeps) < _MANY or executor in _ALONE:
         learnt = learn_recordings(sweeps, appearance, progress, ignore=ignore, tell=said.append)
     else:
-        learnt = add_recordings(sweeps, add_to, appearance, progress, tell=said.append)
+        with open_executor(executor) as workers:
+            learnt = learn_recordings(
+                sweeps, appearance, progress, ignore=ignore, tell=said.append, executor=workers
+            )  # fmt: skip
     return _learnt(learnt, appearance, said)
 
 

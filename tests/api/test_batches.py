@@ -11,10 +11,11 @@ import pytest
 from fastapi.testclient import TestClient
 
 from api.app import create_app
+from inspector.learner import learn_recordings
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from inspector.settings import read_settings
-from tests.api.stations import BAD, GOOD, PRODUCT, begin, feed, frames, learnt, sweep, teach
+from tests.api.stations import BAD, GOOD, PRODUCT, begin, feed, frames, learnt, material, sweep, teach
 from tests.api.test_round import ended, refused, uploaded
 from tests.buckets import Buckets
 
@@ -94,6 +95,21 @@ def test_inspections_are_chosen_by_verdict_and_part(client: TestClient) -> None:
     again = batch(client, ids=[replayed(client)[0]["inspection_id"]])
     assert again["batch"] == counts(1, 0, 0, 1)
     assert "there is no recording" in again["said"][0]
+
+
+def test_many_golden_sweeps_are_learnt_by_the_executor(client: TestClient, tmp_path: Path) -> None:
+    golden = [material() / "golden.mcap", sweep(GOOD), sweep("unit=5&seed=5")]
+    sweeps = [uploaded(client, each) for each in golden]
+    answer = client.post(f"/v1/products/{PRODUCT}/appearances", json={"sweep_ids": sweeps})
+    job = ended(client, answer.json()["job_id"])
+    assert (job["state"], job["error"]) == ("done", None)
+    assert job["appearance_id"] == learn_recordings(golden, tmp_path / "here").id
+    whole = (tmp_path / "sweeps" / f"{sweeps[2]}.mcap").read_bytes()
+    (tmp_path / "sweeps" / f"{sweeps[2]}.mcap").write_bytes(whole[: len(whole) // 3])
+    answer = client.post(f"/v1/products/{PRODUCT}/appearances", json={"sweep_ids": sweeps})
+    job = ended(client, answer.json()["job_id"])
+    assert job["state"] == "failed"
+    assert job["error"].startswith(f"sweep {sweeps[2]}: golden sweep 3 fits the reference sweep in ")
 
 
 def test_workers_read_recordings_from_a_bucket(tmp_path: Path, buckets: Buckets) -> None:
