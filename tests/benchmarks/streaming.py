@@ -76,17 +76,21 @@ def teach(folder: Path, data: Path, database: str | None = None) -> None:
 
 
 @contextmanager
-def served(data: Path, scorers: int | None = None, database: str | None = None) -> Generator[str]:
-    """The address of a service on that folder."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+def served(
+    data: Path, scorers: int | None = None, *, host: str = "127.0.0.1", port: int = 0, **settings: str
+) -> Generator[str]:
+    """The address of a service on that folder; settings by their names in the environment."""
+    if not port:
+        with socket.socket() as free:
+            free.bind((host, 0))
+            port = free.getsockname()[1]
+    data.mkdir(exist_ok=True)
     command = [sys.executable, "-c", "from inspector.cli import main; main()", "serve", "--data", str(data)]
-    environment = os.environ | ({"INSPECTOR_SCORERS": str(scorers)} if scorers else {})
-    environment |= {"INSPECTOR_DATABASE": database} if database else {}
+    command += ["--host", host]
+    environment = os.environ | ({"INSPECTOR_SCORERS": str(scorers)} if scorers else {}) | settings
     with (data / "log").open("w") as log:
         process = subprocess.Popen([*command, "--port", str(port)], env=environment, stdout=log, stderr=log)
-    url = f"http://127.0.0.1:{port}"
+    url = f"http://{host}:{port}"
     try:
         deadline = time.monotonic() + PATIENCE
         while not _ready(url):

@@ -4,7 +4,7 @@ Run by hand, on an otherwise idle machine:
 
     python -m tests.benchmarks.unit_costs                       # four minutes; docker/SCALE.md is made of its figures
     python -m tests.benchmarks.unit_costs --sizes 640x480
-    python -m tests.benchmarks.unit_costs --service 0 4 8       # of a whole service on PostgreSQL, with so many cameras
+    python -m tests.benchmarks.unit_costs --services 2 --cameras 0 4    # of services behind HAProxy, all in all
 
 Milliseconds are of the processor: of the thread that does it; where there is a PostgreSQL, of the thread that asks and
 of all of the processes of the server. Bytes of a database are of its log (with full pages, as a server has it
@@ -36,6 +36,7 @@ from urllib.request import Request, urlopen
 from uuid import uuid4
 
 import cv2
+import httpx2
 import psycopg
 
 from inspector.cameras import open_camera
@@ -54,6 +55,7 @@ from models.learning import learn
 from models.verdict import Policy
 from tests.benchmarks import streaming
 from tests.postgresql import Server, server
+from tests.system.proxying import proxy
 
 FPS, FRAMES = 30, 270
 """Of the cameras that everything is counted for, and of their sweeps: nine seconds."""
@@ -265,11 +267,10 @@ def rows(store: AbstractStore, database: Database, record: dict[str, Any], score
         lambda i: store.save_checkpoint(one, "node", i, saved.state, saved.added),
         state_bytes=float(len(saved.state)),
     )
-    for table in ("checkpoints", "checkpoint_parts"):
-        database.connection.execute(f"ALTER TABLE {table} SET UNLOGGED".encode())
+    database.connection.execute("ALTER TABLE checkpoints SET LOGGED")
     two = begun(1, "b")
     database.cost(
-        "a checkpoint, not logged",
+        "a checkpoint, were its state logged",
         300,
         lambda i: store.save_checkpoint(two, "node", i, saved.state, saved.added),
         state_bytes=float(len(saved.state)),
@@ -340,8 +341,8 @@ def bucket() -> Iterator[str]:
         process.wait()
 
 
-def spent_by(parents: Callable[[int], bool]) -> Counter[str]:
-    """Processor seconds so far by what the process is: the service, its scorers."""
+def spent_by(*parents: int) -> Counter[str]:
+    """Processor seconds so far of what these processes have started, by what it is."""
     seconds = Counter[str]()
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -349,54 +350,62 @@ def spent_by(parents: Callable[[int], bool]) -> Counter[str]:
             fields = stat.read_text().rpartition(")")[2].split()
         except OSError:
             continue
-        if parents(int(fields[1])) or parents(int(stat.parent.name)):
-            kind = "scorers" if b"inspector.scorers" in command else "service"
+        if int(fields[1]) in parents:
+            kinds = {b"haproxy": "proxy", b"inspector.scorers": "scorers", b"serve": "services"}
+            kind = next((kind for part, kind in kinds.items() if part in command), "others")
             seconds[kind] += sum(map(int, fields[11:13])) / TICKS
     return seconds
 
 
-def service(streams: int, seconds: float, folder: Path, database: Database) -> None:
-    """What so many cameras cost a service that shares its database, all in all."""
-    data = folder / f"data{streams}"
-    streaming.teach(folder, data, database.url)
+def started_by(parent: int) -> list[int]:
+    """The processes that one has started."""
+    return [int(pid) for pid in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
+
+
+def services(count: int, streams: int, seconds: float, folder: Path, database: Database) -> None:
+    """What so many cameras cost so many services behind HAProxy, all in all, while somebody listens to events."""
+    common = folder / f"common{streams}"
+    streaming.teach(folder, common, database.url)
     told = [0, 0]
 
     def heard(body: bytes | None) -> None:
         told[0] += 1
         told[1] += len(body or b"")
 
-    with (
-        open_store(database.url) as store,
-        streaming.served(data, database=database.url) as url,
-        store.listen("benchmark", heard),
-    ):
-        children = {int(pid) for pid in children_of(os.getpid())}
-        before, logged, server_before = spent_by(children.__contains__), database.logged(), database.spent()
+    with ExitStack() as held:
+        front = held.enter_context(proxy(folder))
+        for number in range(count):
+            address, data = front.address(number), folder / f"data{streams}-{number}"
+            settings = {"INSPECTOR_DATABASE": database.url, "INSPECTOR_FILES": common.as_uri()}
+            held.enter_context(streaming.served(data, host=address, port=front.port, **settings))
+            front.names.addresses.append(address)
+        store = held.enter_context(open_store(database.url))
+        held.enter_context(store.listen("benchmark", heard))
+        while httpx2.get(f"{front.url}/readyz").status_code != 200:
+            time.sleep(0.1)
+        time.sleep(3)
+        parents = [os.getpid(), *started_by(os.getpid())]
+        before, logged, server_before = spent_by(*parents), database.logged(), database.spent()
         told[:] = [0, 0]
         start, found = time.monotonic(), {"counts": dict[str, int]()}
         if streams:
-            found = streaming.cameras_apart(url, folder, streams, seconds)
+            found = streaming.cameras_apart(front.url, folder, streams, seconds)
         else:
             time.sleep(seconds)
         took = time.monotonic() - start
-        after, server_after = spent_by(children.__contains__), database.spent()
+        after, server_after = spent_by(*parents), database.spent()
+        log = (database.logged() - logged) / took
     print(found)
-    scored = found["counts"].get("scored", 0)
+    ms = {f"{kind}_ms_a_second": 1e3 * (after[kind] - before[kind]) / took for kind in ("proxy", "services", "scorers")}
     said(
-        f"service, {streams} cameras",
-        frames=float(scored),
-        service_ms_a_second=1e3 * (after["service"] - before["service"]) / took,
-        scorers_ms_a_second=1e3 * (after["scorers"] - before["scorers"]) / took,
-        server_ms_a_second=1e3 * (server_after - server_before) / took,
-        log_bytes_a_second=(database.logged() - logged) / took,
+        f"{count} services, {streams} cameras",
+        scored_a_second=found["counts"].get("scored", 0) / took,
+        **ms,
+        database_ms_a_second=1e3 * (server_after - server_before) / took,
+        log_bytes_a_second=log,
         told_a_second=told[0] / took,
         told_bytes_a_second=told[1] / took,
     )
-
-
-def children_of(parent: int) -> list[str]:
-    """The processes that this one started."""
-    return Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
 
 
 def syncs(folder: Path) -> None:
@@ -414,17 +423,17 @@ def main() -> None:
     """The rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", nargs="+", default=[*DRAWN])
-    parser.add_argument("--service", type=int, nargs="+")
+    parser.add_argument("--cameras", type=int, nargs="+")
+    parser.add_argument("--services", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=27.0)
     asked = parser.parse_args()
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as name, server() as running, bucket() as url:
         folder, database = Path(name), Database(running)
-        if asked.service:
+        if asked.cameras:
             streaming.prepare(folder)
-        for streams in asked.service or ():
-            service(streams, asked.seconds, folder, Database(running))
-        if asked.service:
+            for streams in asked.cameras:
+                services(asked.services, streams, asked.seconds, folder, Database(running))
             return
         syncs(folder)
         for i, size in enumerate(asked.sizes):
