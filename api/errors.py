@@ -40,12 +40,14 @@ from inspector.service.errors import (
     AtCapacity,
     Busy,
     LocatorLost,
+    Moved,
     NoRecipe,
     NotConcluded,
     NotOpen,
     OutOfOrder,
     PictureRefused,
     RecordingGone,
+    ResumeFrom,
     ScorerLost,
     Stopping,
     TooManyFrames,
@@ -98,6 +100,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     NotOpen: Kind(409, "Takes no more frames"),
     TooManyFrames: Kind(409, "Too many frames"),
     OutOfOrder: Kind(409, "Too late"),
+    ResumeFrom: Kind(409, "Frames are missing"),
     NotConcluded: Kind(409, "Not concluded"),
     RecordingGone: Kind(410, "No recording"),
     NoScores: Kind(409, "No scores"),
@@ -130,6 +133,7 @@ KINDS: Mapping[type[InspectionError], Kind] = {
     FolderRefused: Kind(503, "Data folder not writable"),
     AtCapacity: Kind(503, "No capacity"),
     Busy: Kind(503, "No room for this frame"),
+    Moved: Kind(503, "Goes on elsewhere"),
     Stopping: Kind(503, "Being stopped"),
     TooManyListeners: Kind(503, "Too many listeners"),
     TooManyTracked: Kind(503, "No capacity"),
@@ -173,7 +177,9 @@ def problem_of(error: InspectionError, hidden: str = "") -> Response:
     if (wait := getattr(error, "retry_after", 1 if kind.status == 503 else None)) is not None:
         headers["Retry-After"] = str(wait)
     said = str(error).replace(f"{hidden}/", "").replace(hidden, "the data folder") if hidden else str(error)
-    return problem(kind.status, kind.title, said, type=_slug(found.__name__), headers=headers)
+    return problem(
+        kind.status, kind.title, said, type=_slug(found.__name__), headers=headers, **getattr(error, "facts", {})
+    )
 
 
 def _slug(name: str) -> str:

@@ -65,6 +65,8 @@ class Begun(BaseModel):
     appearance_id: str
     credits: int
     """Frames that may be unanswered."""
+    saves: bool
+    """Whether another process goes on with it where this one is lost: then it is told which frames are saved."""
 
 
 class Conclude(Asked):
@@ -72,6 +74,9 @@ class Conclude(Asked):
 
     stopped: bool = False
     """The line broke it off because NG was certain: it is NG, not INCOMPLETE."""
+    last_sequence: Annotated[int | None, Field(ge=0, lt=2**32)] = None
+    """Number of the last frame that was sent: 409 with `next_sequence` where frames to it were lost with a process that
+    had the inspection."""
 
 
 class Abort(Asked):
@@ -182,7 +187,9 @@ async def begin(
     async def do() -> tuple[int, BaseModel]:
         begun = await service.inspections.begin(asked.product_id, asked.part_id, asked.recipe_id, x_session_id)
         names = ("inspection_id", "product_id", "part_id", "recipe_id", "appearance_id")
-        return 201, Begun(**{name: getattr(begun, name) for name in names}, credits=service.settings.window)
+        return 201, Begun(**{name: getattr(begun, name) for name in names}, credits=service.settings.window,
+            saves=service.store.shared,
+        )  # fmt: skip
 
     return await once(request, service, who, do)
 
@@ -215,7 +222,8 @@ async def frame(
 
     A frame that is sent again, with the same sequence or Idempotency-Key, gets the same answer and is not scored twice.
     503 where too many wait: nothing has changed, send it again. 422 for what is no picture of the learnt kind: it
-    counts as dropped.
+    counts as dropped. Where several processes share a database: frames below `Saved-Sequence` of the answer survive the
+    process; 409 `resume-from` with `next_sequence` where some were lost with one, which are then to be sent once more.
     """
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind not in PICTURES:
@@ -232,7 +240,8 @@ async def frame(
         return problem(422, "Picture not usable", said["why"], type="refused", sequence=number)
     if said["kind"] == "dropped":
         return problem(409, "Dropped", said["why"], type="dropped", sequence=number)
-    return Response(answer, media_type=JSON)
+    headers = {"Saved-Sequence": str(running.ledger.below)} if service.store.shared else {}
+    return Response(answer, headers=headers, media_type=JSON)
 
 
 @router.post(
@@ -244,7 +253,10 @@ async def conclude(
     """The result, stored before it is told. It can be read again at any time."""
 
     async def do() -> tuple[int, bytes]:
-        return 200, await service.inspections.conclude(inspection_id, stopped=bool(asked and asked.stopped))
+        how = asked or Conclude()
+        return 200, await service.inspections.conclude(
+            inspection_id, stopped=how.stopped, last_sequence=how.last_sequence
+        )
 
     return await once(request, service, who, do)
 

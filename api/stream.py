@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from collections import deque
 from collections.abc import Awaitable, Callable
@@ -12,15 +11,15 @@ from typing import Annotated, Any, Literal
 from anyio import create_task_group
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from api.deps import service_of, who_asks
 from api.errors import problem, problem_of
 from api.schemas import Asked
 from inspector.protocol import BadFrame, SentFrame
+from inspector.service.errors import Moved
 from inspector.service.running import Running
 from inspector.service.service import Service
-from inspector.stores.base import AlreadyConcluded
 from models.errors import InspectionError
 
 router = APIRouter()
@@ -30,20 +29,23 @@ TAKEN_OVER, DONE, RESTART, BROKEN = 4409, 1000, 1012, 1008
 
 
 @router.websocket("/v1/inspections/{inspection_id}/stream")
-async def stream(socket: WebSocket, inspection_id: str, after: Annotated[int, Query(ge=-1)] = -1) -> None:
+async def stream(
+    socket: WebSocket,
+    inspection_id: str,
+    after: Annotated[int, Query(ge=-1)] = -1,
+    log: Annotated[str, Query(max_length=64)] = "",
+) -> None:
     """Frames in, messages out, until the inspection or the connection ends."""
     service = service_of(socket)
     try:
         await who_asks(socket, "operator")
-        running = service.inspections.find(inspection_id)
-        if running is None:
-            stored = await asyncio.to_thread(service.store.inspection, inspection_id)
-            raise AlreadyConcluded(inspection_id, stored.state)
+        running = await service.inspections.attach(inspection_id)
     except InspectionError as error:
         await socket.send_denial_response(problem_of(error))
         return
     await socket.accept()
-    await _Connection(socket, service, running, after).run()
+    # What another process numbered is not what this one did: then everything is told again.
+    await _Connection(socket, service, running, after if log in ("", running.log_id) else -1).run()
 
 
 class ConcludeMessage(Asked):
@@ -51,6 +53,7 @@ class ConcludeMessage(Asked):
 
     kind: Literal["conclude"]
     stopped: bool = False
+    last_sequence: Annotated[int | None, Field(ge=0)] = None
 
 
 class _Connection:
@@ -78,9 +81,8 @@ class _Connection:
 
     async def _send(self) -> None:
         running = self._running
-        ready = {"kind": "ready", "credits": self._service.settings.window, "next_sequence": running.next_sequence}
-        await self._socket.send_text(json.dumps(ready | running.facts))
-        at = self._after + 1
+        await self._socket.send_text(json.dumps(self._ready() | running.facts))
+        at, saved = self._after + 1, 0
         while True:
             news = running.news
             while at < len(running.messages):
@@ -88,6 +90,12 @@ class _Connection:
                 at += 1
             while self._aside:
                 await self._socket.send_text(json.dumps(self._aside.popleft()))
+            if saved < running.ledger.below:
+                saved = running.ledger.below
+                await self._socket.send_text(json.dumps({"kind": "saved", "next_sequence": saved}))
+            if running.phase == "moved":
+                await self._socket.close(RESTART, "it goes on in another process")
+                return
             if running.phase == "ended" and at >= len(running.messages):
                 await self._socket.close(RESTART if self._service.inspections.stopping else DONE)
                 return
@@ -95,6 +103,11 @@ class _Connection:
                 await self._socket.close(TAKEN_OVER, "another connection has taken over")
                 return
             await news.wait()
+
+    def _ready(self) -> dict[str, Any]:
+        running, credits = self._running, self._service.settings.window
+        facts = {"log": running.log_id, "saves": self._service.store.shared}
+        return {"kind": "ready", "credits": credits, "next_sequence": running.next_sequence, **facts}
 
     async def _receive(self) -> None:
         while (message := await self._socket.receive())["type"] == "websocket.receive":
@@ -113,6 +126,9 @@ class _Connection:
                 self._say({"kind": "duplicate", "sequence": sent.sequence})
         except BadFrame as error:
             self._wrong(problem(422, "No frame", str(error), type="bad-frame"))
+        except Moved:
+            # This connection ends just now, and the frame is sent again over the next one.
+            return
         except InspectionError as error:
             self._wrong(problem_of(error))
 
@@ -123,12 +139,16 @@ class _Connection:
             said = f'{text[:80]!r} is not understood; allowed are frames, and {{"kind": "conclude", "stopped": false}}'
             self._wrong(problem(422, "Not understood", said, type="bad-message"))
             return
-        self._group.start_soon(self._conclude, asked.stopped)
+        self._group.start_soon(self._conclude, asked)
 
-    async def _conclude(self, stopped: bool) -> None:
+    async def _conclude(self, asked: ConcludeMessage) -> None:
         """The verdict comes as a message, to this and any later connection."""
         try:
-            await self._service.inspections.conclude(self._running.inspection_id, stopped=stopped)
+            await self._service.inspections.conclude(
+                self._running.inspection_id, stopped=asked.stopped, last_sequence=asked.last_sequence
+            )
+        except Moved:
+            return
         except InspectionError as error:
             self._wrong(problem_of(error))
 

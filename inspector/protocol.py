@@ -14,12 +14,18 @@ In, binary: a header of 24 bytes, little-endian, and the picture's bytes (JPEG, 
 In, text: `{"kind": "conclude"}`, with `"stopped": true` where the line broke the sweep off because NG was certain.
 
 Out, text: one JSON object each, with `kind`, and `n`, which counts the messages of the inspection from 0 (`ready`,
-`duplicate` and `problem` have none). A connection may break at any time: connect again with `?after=N`, the last `n`
-that was got, and all since is sent once more; `next_sequence` of `ready` says from where frames are wanted.
+`saved`, `duplicate` and `problem` have none). A connection may break at any time: connect again with
+`?after=N&log=L`, the last `n` that was got and the `log` of `ready`, and all since is sent once more; `next_sequence`
+of `ready` says from where frames are wanted.
+
+Where `saves` of `ready` is true, several processes share the work, and another one goes on where one is lost. It may
+want frames again that were answered, from the last `saved` on, and tells with another `log` all that was said once
+more. Answers to frames that were sent again are the same.
 
 | kind | |
 | --- | --- |
-| `ready` | first: `credits`, `next_sequence`, `inspection_id`, `recipe_id`, `appearance_id` |
+| `ready` | first: `credits`, `next_sequence`, `log`, `saves`, `inspection_id`, `recipe_id`, `appearance_id` |
+| `saved` | `next_sequence`: frames below it will not be wanted again |
 | `scored` | the answer to a frame: `sequence`, and the scored frame as in the result |
 | `dropped` | the answer to a frame that could not be taken in time, with `sequence` and `why`; it is counted |
 | `refused` | the answer to a frame that is no picture, or not of the learnt kind: `sequence`, `why`; it is counted |

@@ -123,7 +123,7 @@ class Asker:
         """An answer that is a problem, as an error."""
         said = _object(body) or {}
         try:
-            return ServiceRefused(status, said["title"], said["detail"], said["type"])
+            return ServiceRefused(status, said["title"], said["detail"], said["type"], said)
         except KeyError:
             return NotUnderstood(self.url, status, body[:60].decode("utf-8", "replace"))
 

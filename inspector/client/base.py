@@ -11,14 +11,61 @@ from types import TracebackType
 from typing import Any, Self
 
 from inspector.client.asking import Asker
-from inspector.client.errors import ClientError, NotSendable
+from inspector.client.errors import ClientError, NotSendable, ServiceRefused
 from inspector.pictures import encode_png
 from inspector.protocol import SentFrame
 from models.frame import Frame
 
 OnMessage = Callable[[dict[str, Any]], object]
 """Told every message of the inspection, as in `inspector.protocol`; called while one waits, in the thread that does."""
+RESUME_FROM, _CONCLUDED = "urn:inspector:resume-from", "urn:inspector:already-concluded"
+_HELD_BYTES = 256 << 20
 _MAX_SEQUENCE, _MAX_TIME = (1 << 32) - 1, (1 << 63) - 1
+
+
+class Held:
+    """Frames that may have to be sent once more: those without an answer, and where the service saves inspections so
+    that another process can go on with them, those that are not saved yet.
+    """
+
+    def __init__(self, saves: bool) -> None:
+        self.saves = saves
+        self._frames: dict[int, bytes] = {}
+        self._answered: set[int] = set()
+        self._bytes = 0
+
+    def add(self, sequence: int, frame: bytes) -> None:
+        """One frame more. Where they are too many, the oldest are let go: they will be missing if they are wanted."""
+        self._frames[sequence] = frame
+        self._bytes += len(frame)
+        while self._bytes > _HELD_BYTES and self._answered and (oldest := min(self._frames)) in self._answered:
+            self._drop(oldest)
+
+    def answered(self, sequence: int) -> bool:
+        """There was an answer; False where there had been one before."""
+        if sequence in self._answered:
+            return False
+        if self.saves:
+            self._answered.add(sequence)
+        else:
+            self._drop(sequence)
+        return True
+
+    def saved(self, below: int) -> None:
+        """Those below are not wanted again."""
+        for sequence in [each for each in self._frames if each < below and each in self._answered]:
+            self._drop(sequence)
+
+    def frame(self, sequence: int) -> bytes:
+        """One of them."""
+        return self._frames[sequence]
+
+    def since(self, sequence: int) -> dict[int, bytes]:
+        """Those from that number on, in order."""
+        return {number: frame for number, frame in self._frames.items() if number >= sequence}
+
+    def _drop(self, sequence: int) -> None:
+        self._bytes -= len(self._frames.pop(sequence, b""))
 
 
 class AbstractInspection(ABC):
@@ -34,6 +81,7 @@ class AbstractInspection(ABC):
         self._path = f"/v1/inspections/{self.inspection_id}"
         self._last = -1
         self._open = True
+        self._held = Held(begun.get("saves", False))
 
     def send(self, frame: Frame) -> None:
         """Hand over a frame; waits where the service has no room for it. `on_message` is told what is said of it.
@@ -53,9 +101,7 @@ class AbstractInspection(ABC):
 
         Raises ServiceUnreachable, ServiceRefused.
         """
-        self._settle()
-        key = f"conclude-{self.inspection_id}-{stopped}"
-        result = self._asker.post(f"{self._path}/conclude", {"stopped": stopped}, "verdict", "frames", key=key)
+        result = self._concluded(stopped)
         self._open = False
         self._hear_out()
         return result
@@ -79,6 +125,28 @@ class AbstractInspection(ABC):
             with suppress(ClientError):
                 self.abort(why)
 
+    def _concluded(self, stopped: bool) -> dict[str, Any]:
+        key = f"conclude-{self.inspection_id}-{stopped}"
+        asked: dict[str, Any] = {"stopped": stopped}
+        if self._held.saves and self._last >= 0:
+            asked["last_sequence"] = self._last
+        while True:
+            self._settle()
+            try:
+                return self._asker.post(f"{self._path}/conclude", asked, "verdict", "frames", key=key)
+            except ServiceRefused as error:
+                if error.kind == RESUME_FROM:
+                    self._resume(error.facts["next_sequence"])
+                elif error.kind == _CONCLUDED and self._held.saves:
+                    # The process that concluded it was lost before it could say so.
+                    return self._asker.get(f"{self._path}/result", "verdict", "frames")
+                else:
+                    raise
+
+    @abstractmethod
+    def _resume(self, sequence: int) -> None:
+        """Send once more what is held from that frame on: it was lost with a process of the service."""
+
     @abstractmethod
     def _send(self, sent: SentFrame) -> None:
         """Hand over."""
@@ -94,6 +162,11 @@ class AbstractInspection(ABC):
     @abstractmethod
     def _leave(self) -> None:
         """No more is sent or heard."""
+
+    def _tell_answer(self, message: dict[str, Any]) -> None:
+        """Once for each frame: one that had to be sent again is answered again."""
+        if self._held.answered(message["sequence"]):
+            self._tell(message)
 
     def _tell(self, message: dict[str, Any]) -> None:
         self.counts[message["kind"]] += 1

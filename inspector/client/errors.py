@@ -11,6 +11,9 @@ inspector.errors.WorldError
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from inspector.errors import WorldError
 
 
@@ -42,9 +45,18 @@ class NotUnderstood(ClientError):
 class ServiceRefused(ClientError):
     """The service says no, and why: its problem document as a sentence."""
 
-    def __init__(self, status: int, title: str, detail: str, kind: str = "about:blank") -> None:
+    def __init__(
+        self,
+        status: int,
+        title: str,
+        detail: str,
+        kind: str = "about:blank",
+        facts: Mapping[str, Any] | None = None,
+    ) -> None:
         self.status, self.kind, self.detail = status, kind, detail
         """Of HTTP, and `type` and `detail` of the problem document."""
+        self.facts = facts or {}
+        """All of the problem document."""
         super().__init__(f"{title}: {detail}")
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
-from inspector.client.base import AbstractInspection
+from inspector.client.base import RESUME_FROM, AbstractInspection
 from inspector.client.errors import ServiceRefused
 from inspector.picture_headers import kind_of
 from inspector.protocol import SentFrame
@@ -21,6 +22,28 @@ class PostedInspection(AbstractInspection):
         self._asker.sleep(seconds)
 
     def _send(self, sent: SentFrame) -> None:
+        if self._held.saves:
+            self._held.add(sent.sequence, sent.to_bytes())
+        try:
+            self._post(sent)
+        except ServiceRefused as error:
+            if error.kind != RESUME_FROM:
+                raise
+            self._resume(error.facts["next_sequence"])
+
+    def _resume(self, sequence: int) -> None:
+        again = deque(self._held.since(sequence).values())
+        while again:
+            try:
+                self._post(SentFrame.from_bytes(again[0]))
+                again.popleft()
+            except ServiceRefused as error:
+                if error.kind != RESUME_FROM:
+                    raise
+                # One more process was lost meanwhile.
+                again = deque(self._held.since(error.facts["next_sequence"]).values())
+
+    def _post(self, sent: SentFrame) -> None:
         numbers = {"sequence": sent.sequence, "t_ns": sent.t_ns, "encoder": sent.encoder}
         response = self._asker.ask(
             "POST",
@@ -29,13 +52,14 @@ class PostedInspection(AbstractInspection):
             content=bytes(sent.picture),
             headers={"Content-Type": f"image/{kind_of(bytes(sent.picture))}"},
         )
+        self._held.saved(int(response.headers.get("saved-sequence", 0)))
         try:
             said: dict[str, Any] = self._asker.told(response)
         except ServiceRefused as error:
             if error.kind not in _ANSWERS:
                 raise
             said = {"kind": _ANSWERS[error.kind], "sequence": sent.sequence, "why": error.detail}
-        self._tell(said)
+        self._tell_answer(said)
 
     def _settle(self) -> None:
         """Every frame was answered when it was sent."""

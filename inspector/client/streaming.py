@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections import deque
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from typing import Any
@@ -36,7 +37,13 @@ class StreamedInspection(AbstractInspection):
 
     def __init__(self, asker: Asker, begun: Mapping[str, Any], on_message: OnMessage) -> None:
         super().__init__(asker, begun, on_message)
-        self._unanswered: dict[int, bytes] = {}
+        self._unanswered: set[int] = set()
+        self._unsent: deque[int] = deque()
+        """Of those, the ones that are to be sent, or sent once more."""
+        self._log = ""
+        """Of the messages that `n` counts; another one where another process has taken over."""
+        self._news: set[str] = set()
+        """What was said beside answers, where it may be said once more."""
         self._credits = 1
         self._taken = 0
         """The number of the next frame, as the service said when last connected."""
@@ -44,7 +51,7 @@ class StreamedInspection(AbstractInspection):
         """`n` of the last message."""
         self._patience = asker.patience()
         self._socket: ClientConnection | None = None
-        self._held = ExitStack()
+        self._stack = ExitStack()
         """Closes the connection."""
         try:
             self._mend("")
@@ -60,15 +67,30 @@ class StreamedInspection(AbstractInspection):
             self._listen(left)
 
     def _send(self, sent: SentFrame) -> None:
+        self._held.add(sent.sequence, sent.to_bytes())
+        self._unanswered.add(sent.sequence)
+        self._unsent.append(sent.sequence)
         while self._listen(0):
             pass
-        while len(self._unanswered) >= self._credits:
+        self._pump()
+        while self._unsent:
             self._await_answer()
-        message = self._unanswered[sent.sequence] = sent.to_bytes()
-        try:
-            self._connection.send(message)
-        except _BROKEN as error:
-            self._mend(str(error))
+            self._pump()
+
+    def _resume(self, sequence: int) -> None:
+        self._mend("a process of the service was lost")
+
+    def _pump(self) -> None:
+        """Send as many as may be unanswered."""
+        while self._unsent and len(self._unanswered) - len(self._unsent) < self._credits:
+            connection = self._connection
+            if not self._unsent:
+                return
+            sequence = self._unsent.popleft()
+            try:
+                connection.send(self._held.frame(sequence))
+            except _BROKEN as error:
+                self._mend(str(error))
 
     def _settle(self) -> None:
         while self._unanswered:
@@ -83,7 +105,7 @@ class StreamedInspection(AbstractInspection):
 
     def _leave(self) -> None:
         self._socket = None
-        self._held.close()
+        self._stack.close()
 
     @property
     def _connection(self) -> ClientConnection:
@@ -94,6 +116,7 @@ class StreamedInspection(AbstractInspection):
 
     def _await_answer(self) -> None:
         """Until something is said; a service that says nothing for long is asked by a new connection."""
+        self._pump()
         if not self._listen(self._asker.timeout):
             self._mend(f"no answer to {len(self._unanswered)} frames for {self._asker.timeout:g} s")
 
@@ -117,14 +140,27 @@ class StreamedInspection(AbstractInspection):
         if kind == "duplicate":
             # It went twice, about when a connection broke; its answer came, or comes.
             return
-        if kind in ANSWERS:
-            self._unanswered.pop(message["sequence"], None)
+        if kind == "saved":
+            self._held.saved(message["next_sequence"])
+        elif kind in ANSWERS:
+            self._unanswered.discard(message["sequence"])
             self._patience.renew()
-        self._tell(message)
+            self._tell_answer(message)
+        elif self._is_new(message):
+            self._tell(message)
         if kind in ("aborted", "verdict") and not over:
             self._open = False
             self._leave()
             raise InspectionEnded(self.inspection_id, message.get("reason") or "somebody else concluded it")
+
+    def _is_new(self, message: Mapping[str, Any]) -> bool:
+        """Whether it was not said before: who takes an inspection over says all once more."""
+        if not self._held.saves:
+            return True
+        said = json.dumps({name: value for name, value in message.items() if name != "n"}, sort_keys=True)
+        known = said in self._news
+        self._news.add(said)
+        return not known
 
     def _mend(self, why: str) -> None:
         """A new connection. Raises ServiceUnreachable when that has been tried for too long."""
@@ -149,7 +185,7 @@ class StreamedInspection(AbstractInspection):
     def _connected(self) -> ClientConnection:
         """A connection over which everything goes on where it was."""
         connection = connect(
-            f"ws{self._asker.url.removeprefix('http')}{self._path}/stream?after={self._heard}",
+            f"ws{self._asker.url.removeprefix('http')}{self._path}/stream?after={self._heard}&log={self._log}",
             additional_headers=self._asker.headers,
             ssl=self._asker.tls,
             proxy=None,
@@ -169,8 +205,10 @@ class StreamedInspection(AbstractInspection):
                 # Frames arrive, though connections break before their answers do.
                 self._taken = ready["next_sequence"]
                 self._patience.renew()
-            for sequence, message in self._unanswered.items():
-                if sequence >= ready["next_sequence"]:
-                    socket.send(message)
-            self._held = held.pop_all()
+            if ready["log"] != self._log:
+                self._log, self._heard = ready["log"], -1
+            again = self._held.since(ready["next_sequence"])
+            self._unanswered.update(again)
+            self._unsent = deque(again)
+            self._stack = held.pop_all()
         return socket

@@ -8,6 +8,8 @@ inspector.errors.WorldError
 ├── Busy                     a frame finds no room to wait; nothing has changed
 ├── TooManyFrames            an inspection that is longer than allowed
 ├── OutOfOrder               a frame whose number is not above all before, and that never came
+├── Moved                    an inspection that another process goes on with
+├── ResumeFrom               a frame that came before those that a process lost
 ├── ScorerLost               the process that scored an inspection is gone
 ├── PictureRefused           a picture that cannot be located
 ├── LocatorLost              the process that located is gone
@@ -84,6 +86,27 @@ class ScorerLost(WorldError):
 
     def __init__(self, inspection_id: str, why: str) -> None:
         super().__init__(f"inspection {inspection_id!r} is lost: {why}; begin another one")
+
+
+class Moved(WorldError):
+    """An inspection that another process goes on with, or soon will."""
+
+    retry_after = None
+    """At once."""
+
+    def __init__(self, inspection_id: str) -> None:
+        super().__init__(f"inspection {inspection_id!r} goes on in another process; send this once more")
+
+
+class ResumeFrom(WorldError):
+    """Frames were lost with a process that had the inspection, and are wanted first."""
+
+    def __init__(self, inspection_id: str, wanted: int, came: int) -> None:
+        super().__init__(
+            f"inspection {inspection_id!r} goes on from frame {wanted}, and frame {came} came; send all from there "
+            "once more, or go on with the next one if they are gone"
+        )
+        self.facts = {"next_sequence": wanted}
 
 
 class PictureRefused(WorldError):

@@ -15,25 +15,32 @@ import structlog
 
 from inspector.errors import StoreError, WorldError
 from inspector.scorers.pool import Pool, Scorer
-from inspector.service.errors import AtCapacity, NoRecipe, NotOpen, Stopping
+from inspector.scorers.wire import Head
+from inspector.service.endings import Endings
+from inspector.service.errors import AtCapacity, Moved, NoRecipe, NotOpen, ResumeFrom, ScorerLost, Stopping
 from inspector.service.events import Events
 from inspector.service.files import Files
 from inspector.service.folder import new_id
 from inspector.service.load import Ration, Turns
 from inspector.service.metrics import Metrics
+from inspector.service.moving import HandOver, Moving, restored
 from inspector.service.publishing import Publishing
 from inspector.service.recognising import Recognising
 from inspector.service.running import Around, Bounds, Ended, Running
-from inspector.stores.base import AbstractStore, AlreadyConcluded, IdTaken, NoSuchInspection
+from inspector.stores.base import AbstractStore, AlreadyConcluded, IdTaken, NoSuchInspection, NotOwner
 from inspector.stores.records import Json, Recipe, StoredInspection
 from models.verdict import Policy
 
 T = TypeVar("T")
 _BRIEF_SECONDS = 0.25
+_ABANDON_SECONDS = 2.0
+_STILL_SECONDS = 3.0
 _TICK_SECONDS = 1.0
-_NOT_CLOSED = "not closed properly: the last second may be missing"
 _NAMED_SECONDS = 5.0
 """How long a result waits for the name of the part that lay there instead."""
+_FINISH_SECONDS = 5.0
+"""How long what is being concluded may take when the service is stopped."""
+_FACTS = "inspection_id", "product_id", "part_id", "recipe_id", "appearance_id"
 _REMEMBERED = 64
 """Inspections whose messages are kept after their end, for connections that break just then."""
 
@@ -55,42 +62,64 @@ class Inspections:
         max_pixels: int,
         bounds: Bounds,
         idle_seconds: float,
+        node_id: str,
+        hand_over: HandOver,
     ) -> None:
+        """`node_id` names this process to others that share the store; `hand_over` asks one of them for an inspection,
+        and returns False where it is not there.
+        """
         self.pool = Pool(scorers, max_pixels)
         self.stopping = False
         self.beside: Callable[[], Iterable[tuple[Scorer, float]]] = tuple
         """What else needs a share of the scorers' time."""
         self._store, self._files, self._events, self._metrics = store, files, events, metrics
-        self._publishing = publishing
         self._recognising = recognising
         self._max, self._idle_seconds = max_inspections, idle_seconds
-        self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes)
+        self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes, store.shared)
+        self._node_id = node_id
+        self._moving = Moving(store, files, node_id, hand_over)
+        self._endings = Endings(store, files, publishing, node_id)
+        self._taken: dict[str, asyncio.Task[Running]] = {}
+        """Inspections that are being taken over."""
         self._running: dict[str, Running] = {}
         self._ended: OrderedDict[str, Running] = OrderedDict()
         self._beginning = 0
         self._turns = Turns()
         self._tasks: set[asyncio.Task[Any]] = set()
+        self._finishing: set[asyncio.Task[Ended]] = set()
         self._log = structlog.get_logger("inspector")
 
     async def start(self) -> None:
         """Inspections that a crash left in processing are aborted; then the scorers begin, with what is active."""
-        await in_thread(self._recover)
+        if not self._store.shared:
+            await in_thread(self._endings.recover)
         await self.pool.start()
         for appearance_id in await in_thread(self._active):
             self.load(appearance_id)
         self._keep(self._tick())
         self._keep(self._tell())
+        if self._store.shared:
+            self._keep(self._abandon())
         self._keep(self._metrics.watch_loop(time.perf_counter))
 
     async def stop(self) -> None:
-        """What waits is scored; what runs is aborted and says so; files are closed. A second call does nothing."""
+        """What waits is scored; what runs is aborted and says so, or, on a store that others share, saved for them.
+
+        Files are closed. A second call does nothing.
+        """
         if self.stopping:
             return
         self.stopping = True
         self._events.publish("station", **self.station)
         for running in [*self._running.values()]:
             with suppress(WorldError):
-                await self._end(running, reason="the service was stopped")
+                if self._store.shared:
+                    await self.give(running.inspection_id)
+                else:
+                    await self._end(running, reason="the service was stopped")
+        # What is being concluded just now.
+        if self._finishing:
+            await asyncio.wait(self._finishing, timeout=_FINISH_SECONDS)
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -159,30 +188,77 @@ class Inspections:
         finally:
             self._beginning -= 1
 
-    async def conclude(self, inspection_id: str, *, stopped: bool = False) -> bytes:
+    async def conclude(self, inspection_id: str, *, stopped: bool = False, last_sequence: int | None = None) -> bytes:
         """The result, as JSON with frames, after it was stored. Raises NoSuchInspection, AlreadyConcluded, ScorerLost.
 
-        Where the store fails, the result is kept, and a further call tries to store it once more.
+        Where the store fails, the result is kept, and a further call tries to store it once more. `last_sequence` is
+        the number of the last frame that was sent: ResumeFrom where that was lost with another process.
         """
-        return (await self._end(await self._open(inspection_id), stopped=stopped)).full
+        running = await self._open(inspection_id)
+        if last_sequence is not None and running.ledger.kept.starts and running.next_sequence <= last_sequence:
+            raise ResumeFrom(inspection_id, running.next_sequence, last_sequence)
+        return (await self._end(running, stopped=stopped)).full
 
     async def abort(self, inspection_id: str, reason: str) -> bytes:
         """The same, without a verdict on the part: it is never OK."""
         return (await self._end(await self._open(inspection_id), reason=reason)).full
 
+    async def attach(self, inspection_id: str) -> Running:
+        """The inspection, to hear what is said of it; also one that has just ended here. Raises as `open` does."""
+        return self.find(inspection_id) or await self._open(inspection_id)
+
     async def open(self, inspection_id: str) -> Running:
-        """The inspection, to feed it. Raises NoSuchInspection, AlreadyConcluded, NotOpen."""
+        """The inspection, to feed it; taken over where another process has it, on a store that both share.
+
+        Raises NoSuchInspection, AlreadyConcluded, NotOpen, Moved, Stopping, AppearanceError, CheckpointError.
+        """
         running = await self._open(inspection_id)
+        if running.phase == "moved":
+            raise Moved(inspection_id)
         if running.phase != "open":
             raise NotOpen(inspection_id)
         return running
 
+    def give_soon(self, inspection_id: str) -> None:
+        """The same as `give`, and nobody waits for it."""
+        self._keep(self.give(inspection_id))
+
+    async def give(self, inspection_id: str) -> None:
+        """Another process may have it from now on; what cannot be saved any more is taken from the last time it was."""
+        running = self._running.get(inspection_id)
+        if running is None:
+            return
+        try:
+            await self._moving.give(running)
+        except WorldError as error:
+            self._log.warning("inspection not handed over", **running.facts, error=str(error))
+        if running.phase == "moved":
+            self._forget(running)
+
     async def _open(self, inspection_id: str) -> Running:
+        """The inspection; taken over where it is in processing elsewhere."""
         running = self._running.get(inspection_id)
         if running is not None:
             return running
-        stored = await in_thread(self._store.inspection, inspection_id)
-        raise AlreadyConcluded(inspection_id, stored.state)
+        if not self._store.shared:
+            stored = await in_thread(self._store.inspection, inspection_id)
+            raise AlreadyConcluded(inspection_id, stored.state)
+        if self.stopping:
+            raise Stopping
+        if inspection_id not in self._taken:
+            self._taken[inspection_id] = self._keep(self._take(inspection_id))
+            self._taken[inspection_id].add_done_callback(lambda _: self._taken.pop(inspection_id))
+        return await asyncio.shield(self._taken[inspection_id])
+
+    async def _take(self, inspection_id: str) -> Running:
+        stored, checkpoint = await self._moving.claim(inspection_id)
+        kept, lines, resume, body = restored(stored, checkpoint)
+        running = self._opened(stored)
+        running.restore(kept, lines)
+        running.ledger.chunks = len(checkpoint.added) if checkpoint else 0
+        await self._ready(running, stored, resume, body)
+        self._log.info("inspection", **running.facts, state="taken over", next_sequence=kept.next)
+        return running
 
     async def _begun(self, inspection_id: str) -> StoredInspection | None:
         with suppress(NoSuchInspection):
@@ -193,7 +269,7 @@ class Inspections:
         self, product_id: str, part_id: str, recipe_id: str | None, inspection_id: str
     ) -> StoredInspection:
         recipe = await in_thread(self._recipe, product_id, recipe_id)
-        path = await in_thread(self._files.local_appearance, recipe.appearance_id)
+        await in_thread(self._files.local_appearance, recipe.appearance_id)
         policy = Policy(**recipe.policy)
         if self.pool.least() is None:
             raise AtCapacity("the processes that score are being started")
@@ -201,34 +277,47 @@ class Inspections:
             self._store.begin_inspection, part_id=part_id, recipe_id=recipe.recipe_id, policy=asdict(policy)
         )
         stored = await in_thread(
-            begin, inspection_id, product_id, appearance_id=recipe.appearance_id, begun_ns=time.time_ns()
+            begin,
+            inspection_id,
+            product_id,
+            appearance_id=recipe.appearance_id,
+            begun_ns=time.time_ns(),
+            node=self._node_id,
         )
-        names = {"inspection_id": inspection_id, "product_id": product_id, "part_id": part_id}
-        names |= {"recipe_id": recipe.recipe_id}
-        facts = names | {"appearance_id": recipe.appearance_id}
+        running = self._opened(stored)
+        await self._ready(running, stored)
+        self._events.publish("begun", **running.facts)
+        return stored
+
+    def _opened(self, stored: StoredInspection) -> Running:
+        facts = {name: getattr(stored, name) for name in _FACTS}
         # Chosen now, and pinned before anybody else has a turn.
         scorer = self.pool.least() or self.pool.scorers[0]
         running = Running(facts, scorer, self._around)
         running.doubted = partial(self._recognise, running)
-        self._running[inspection_id] = running
-        running.begin(
-            {
-                "do": "begin",
-                "id": inspection_id,
-                "appearance_id": recipe.appearance_id,
-                "path": str(path),
-                "policy": asdict(policy),
-                "names": names | {"result_id": new_id()},
-                "record_to": str(self._files.tape(inspection_id)),
-            }
-        )
+        return running
+
+    async def _ready(
+        self, running: Running, stored: StoredInspection, resume: Head | None = None, body: bytes = b""
+    ) -> None:
+        """The scorer is ready for its frames. Raises AppearanceError, CheckpointError, ScorerLost."""
+        self._running[running.inspection_id] = running
+        names = {name: value for name, value in running.facts.items() if name != "appearance_id"}
+        head: Head = {
+            "do": "begin",
+            "id": running.inspection_id,
+            "appearance_id": stored.appearance_id,
+            "path": str(await in_thread(self._files.local_appearance, stored.appearance_id)),
+            "policy": stored.policy,
+            "names": names | {"result_id": new_id()},
+            "record_to": str(self._files.tape(running.inspection_id, stored.takes)),
+        }
+        running.begin(head | (resume or {}), body)
         try:
             await running.begun
         except WorldError as error:
             await self._lose(running, str(error))
             raise
-        self._events.publish("begun", **facts)
-        return stored
 
     def _recipe(self, product_id: str, recipe_id: str | None) -> Recipe:
         if recipe_id is not None:
@@ -240,26 +329,41 @@ class Inspections:
 
     async def _end(self, running: Running, *, stopped: bool = False, reason: str | None = None) -> Ended:
         """Conclude or abort, store, tell. Goes on when the one who asked is gone."""
+        if running.phase == "moved":
+            raise Moved(running.inspection_id)
         if running.phase in ("ending", "ended"):
             raise AlreadyConcluded(running.inspection_id, running.phase)
+        if running.phase == "open" and running.lost_because is not None:
+            await self._bereave(running)
         if running.phase == "open":
             running.end(stopped=stopped, reason=reason)
         running.phase = "ending"
-        return await asyncio.shield(self._keep(self._finish(running, reason)))
+        finishing = self._keep(self._finish(running, reason))
+        self._finishing.add(finishing)
+        finishing.add_done_callback(self._finishing.discard)
+        return await asyncio.shield(finishing)
 
     async def _finish(self, running: Running, reason: str | None) -> Ended:
         try:
             ended = running.stored = running.stored or await self._named(running, await running.ended)
+        except Moved:
+            await self._drop(running, running.lost_because or "")
+            raise
         except WorldError as error:
             await self._lose(running, str(error))
             raise
-        state = ended.result["result_state"]
         try:
-            stored = await in_thread(self._save, running.inspection_id, ended, state, reason)
+            kept = running.ledger.kept
+            stored = await in_thread(self._endings.conclude, running.inspection_id, ended, kept, reason)
+        except NotOwner as error:
+            await self._drop(running, str(error))
+            raise Moved(running.inspection_id) from error
         except StoreError:
             running.phase = "unsaved"
             raise
         self._retire(running, ended.full, stored)
+        if kept.starts:
+            self._keep(in_thread(self._endings.join, stored, kept, ended.recording["note"]))
         return ended
 
     async def _prepare(self, appearance_id: str) -> None:
@@ -296,41 +400,54 @@ class Inspections:
                 return replace(ended, result=result | {"recognised": known, "reasons": reasons})
         return ended
 
-    def _save(self, inspection_id: str, ended: Ended, state: Any, reason: str | None) -> StoredInspection:
-        """In a thread: the result and its scores, then what became of the recording."""
-        facts = ended.recording
-        self._store.conclude_inspection(
-            inspection_id,
-            state,
-            verdict=ended.result["verdict"],
-            ended_ns=time.time_ns(),
-            result=ended.result,
-            scores=ended.scores,
-            reason=reason,
-        )
-        return self._publishing.keep(inspection_id, self._files.tape(inspection_id), facts["note"])
+    async def _bereave(self, running: Running) -> None:
+        """Its scorer is gone: it goes on from what was saved, or failed. Raises Moved, ScorerLost."""
+        why = running.lost_because or ""
+        if self._store.shared:
+            await self._drop(running, why)
+            raise Moved(running.inspection_id)
+        await self._lose(running, why)
+        raise ScorerLost(running.inspection_id, why)
+
+    async def _saved(self, running: Running) -> None:
+        """What cannot be stored now is with the next time."""
+        try:
+            await self._moving.save(running)
+        except NotOwner as error:
+            await self._drop(running, str(error))
+        except Moved:
+            await self._drop(running, running.lost_because or "")
+        except WorldError as error:
+            self._log.warning("inspection not saved", **running.facts, error=str(error))
+
+    async def _drop(self, running: Running, why: str) -> None:
+        """It is another process's, or its scorer is gone: whoever is sent the next frame goes on from the last save."""
+        if running.phase == "moved":
+            return
+        was, running.phase = running.phase, "moved"
+        if was == "open" and running.lost_because is None:
+            with suppress(WorldError):
+                await running.release()
+        with suppress(StoreError):
+            await in_thread(self._store.release_inspection, running.inspection_id, self._node_id, time.time_ns())
+        running.move()
+        self._forget(running)
+        self._log.warning("inspection dropped", **running.facts, why=why)
+
+    def _forget(self, running: Running) -> None:
+        if self._running.get(running.inspection_id) is running:
+            del self._running[running.inspection_id]
 
     async def _lose(self, running: Running, why: str) -> None:
         """The scorer is gone: what is on the disk stays, a verdict there is none."""
         running.phase = "ending"
         try:
-            stored = await in_thread(self._save_lost, running.inspection_id, why)
+            stored = await in_thread(self._endings.lose, running.inspection_id, why)
         except StoreError as error:
             # The next start of the service will find it in processing, and abort it.
             self._log.error("inspection lost and not stored", **running.facts, why=why, error=str(error))
             stored = None
         self._retire(running, None, stored, why)
-
-    def _save_lost(self, inspection_id: str, why: str) -> StoredInspection:
-        """In a thread."""
-        self._store.conclude_inspection(
-            inspection_id, "failed", verdict=None, ended_ns=time.time_ns(), result=None, scores=None, reason=why
-        )
-        return self._keep_what_is_there(inspection_id)
-
-    def _keep_what_is_there(self, inspection_id: str) -> StoredInspection:
-        """In a thread: the recording of an inspection that nobody closed."""
-        return self._publishing.keep(inspection_id, self._files.tape(inspection_id), _NOT_CLOSED)
 
     def _retire(self, running: Running, full: bytes | None, stored: StoredInspection | None, why: str = "") -> None:
         """It runs no more: all who listen are told, and it is remembered for a while."""
@@ -373,13 +490,40 @@ class Inspections:
         while True:
             await asyncio.sleep(_TICK_SECONDS)
             now = time.monotonic()
+            await self._ask_whose(now)
             for running in [*self._running.values()]:
                 idle = running.phase == "open" and not running.waiting and now - running.touched > self._idle_seconds
                 if running.phase == "open" and running.lost_because is not None:
-                    await self._lose(running, running.lost_because)
+                    with suppress(WorldError):
+                        await self._bereave(running)
                 elif idle or running.phase == "unsaved":
                     with suppress(WorldError):
                         await self._end(running, reason=f"no frame came for {self._idle_seconds:g} s")
+
+    async def _ask_whose(self, now: float) -> None:
+        """Whether what stands still is this process's yet: it may have been taken while nobody could say so."""
+        for running in [*self._running.values()] if self._store.shared else ():
+            if running.phase == "open" and now - max(running.touched, running.asked_at) > _STILL_SECONDS:
+                running.asked_at = now
+                with suppress(WorldError):
+                    stored = await in_thread(self._store.inspection, running.inspection_id)
+                    if stored.state != "processing" or stored.node != self._node_id:
+                        await self._drop(running, "another process has taken it over")
+
+    async def _abandon(self) -> None:
+        """On a store that others share: what died with a process, and was taken over by nobody, is aborted and told."""
+        while True:
+            await asyncio.sleep(_ABANDON_SECONDS)
+            try:
+                ended = await in_thread(self._endings.abandon, self._idle_seconds)
+            except WorldError as error:
+                self._log.warning("abandoned inspections", error=str(error))
+                continue
+            for stored in ended:
+                facts = {name: getattr(stored, name) for name in (*_FACTS, "state", "verdict", "reason")}
+                self._metrics.ended.labels(stored.product_id, stored.state).inc()
+                self._events.publish("aborted", **facts, deviations=[])
+                self._log.warning("inspection", **facts)
 
     async def _tell(self) -> None:
         """A few times a second: the latest scores and pictures, and how the station is when that changes."""
@@ -392,14 +536,10 @@ class Inspections:
             for running in sorted(self._running.values(), key=lambda each: each.shown_at):
                 running.tell_briefs()
                 running.tell_picture(ration)
+                if self._moving.due(running):
+                    self._keep(self._saved(running))
             if station != (station := self.station):
                 self._events.publish("station", **station)
-
-    def _recover(self) -> None:
-        """In a thread, at start: what a crash left behind."""
-        self._store.abort_processing(time.time_ns(), "the service ended while the inspection was processing")
-        for left in self._store.recordings("being written"):
-            self._keep_what_is_there(left.inspection_id)
 
     def _active(self) -> list[str]:
         products = self._store.products(limit=200).items

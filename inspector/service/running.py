@@ -6,24 +6,26 @@ import asyncio
 import json
 import time
 from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Any, Literal
+from uuid import uuid4
 
 from inspector.picture_headers import kind_of
-from inspector.protocol import SentFrame
+from inspector.protocol import ANSWERS, SentFrame
 from inspector.scorers.pool import Scorer
 from inspector.scorers.wire import Head
-from inspector.service.errors import Busy, NotOpen, OutOfOrder, ScorerLost, TooManyFrames
+from inspector.service.checkpoints import Cut, Kept, Ledger
+from inspector.service.errors import Busy, Moved, NotOpen, OutOfOrder, ResumeFrom, ScorerLost, TooManyFrames
 from inspector.service.events import Events
 from inspector.service.load import Load, Ration
 from inspector.service.metrics import Metrics
 
 _NEWS = frozenset({"deviation_opened", "deviation_closed", "early_ng", "early_invalid", "part_found"})
 """Kinds of messages that dashboards are told at once."""
-Phase = Literal["open", "ending", "unsaved", "ended"]
+Phase = Literal["open", "ending", "unsaved", "ended", "moved"]
 Outcome = Literal["taken", "dropped", "duplicate"]
 _MOST_REGIONS = 12
 
@@ -49,6 +51,8 @@ class Around:
     metrics: Metrics
     waiting_bytes: Callable[[], int]
     """Of the pictures of all inspections that wait."""
+    movable: bool = False
+    """Whether another process may go on with an inspection: they are saved for it."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +107,12 @@ class Running:
         self.inspection_id, self.product_id = facts["inspection_id"], facts["product_id"]
         self.phase: Phase = "open"
         self.messages: list[bytes] = []
+        self.log_id = uuid4().hex[:8]
+        """Of `messages`: whoever takes the inspection over numbers them anew."""
         self.news = asyncio.Event()
         self.next_sequence = 0
         self.scored = 0
-        self.since = self.touched = time.monotonic()
+        self.since = self.touched = self.asked_at = time.monotonic()
         self.lost_because: str | None = None
         """Why it has no scorer any more."""
         self.begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -114,9 +120,16 @@ class Running:
         self.stored: Ended | None = None
         self.doubted: Callable[[Sequence[bytes]], object] = lambda pictures: None
         """Told pictures of the beginning, where another part lies there."""
-        self.recognised: asyncio.Task[Head | None] | None = None
+        self.recognised: asyncio.Future[Head | None] | None = None
         """What lies there instead, while somebody looks for it, and afterwards."""
         self.load = Load()
+        self.ledger = Ledger(self.since)
+        self.resumed = False
+        """Whether another process had it, and no frame has come since."""
+        self._asked_for: int | None = None
+        """The frame that came instead of those that were lost with that process."""
+        self._cut: asyncio.Future[Cut] | None = None
+        self._released: asyncio.Future[Head] | None = None
         self.connections = 0
         """Counts the streams that were opened; the last one is the one that counts."""
         self.scorer, self._around = scorer, around
@@ -149,9 +162,50 @@ class Running:
         """Frames that came or were announced, were not scored, and do not wait for it."""
         return 0 if self._first is None else self.next_sequence - self._first - self.scored - self.waiting
 
-    def begin(self, head: Head) -> None:
+    def begin(self, head: Head, body: bytes = b"") -> None:
         """Ask the scorer to make it ready; `begun` says when it is."""
-        self.scorer.ask(self, head)
+        self.scorer.ask(self, head, body)
+
+    def restore(self, kept: Kept, lines: Iterable[bytes]) -> None:
+        """Before the first frame here: what the process knew that had it before."""
+        self.resumed = True
+        self._first, self.next_sequence, self.keys = kept.first, kept.next, dict(kept.keys)
+        for line in lines:
+            said = json.loads(line)
+            if said["kind"] in ANSWERS:
+                self._said[said["sequence"]] = len(self.messages)
+            if said["kind"] == "scored":
+                self.scored += 1
+                self._scored_at.append(len(self.messages))
+            if said["kind"] == "recognised":
+                self.recognised = asyncio.get_running_loop().create_future()
+                self.recognised.set_result({name: value for name, value in said.items() if name != "kind"})
+            self._log(line)
+        self.ledger.restore(kept)
+
+    def cut(self) -> asyncio.Future[Cut]:
+        """What is to be saved, when all frames that came so far are answered. Raises Moved, also as its result."""
+        self._ask_scorer({"do": "checkpoint", "id": self.inspection_id})
+        self._cut = asyncio.get_running_loop().create_future()
+        return self._cut
+
+    def release(self) -> asyncio.Future[Head]:
+        """The scorer closes the recording and forgets the inspection; then, what became of the recording."""
+        self._ask_scorer({"do": "release", "id": self.inspection_id})
+        self._released = asyncio.get_running_loop().create_future()
+        return self._released
+
+    def move(self) -> None:
+        """It goes on elsewhere: connections end without a last message, and are made again there."""
+        self.phase = "moved"
+        self.shown = None
+        self._around.events.forget(self.inspection_id)
+        self.scorer.forget(self.inspection_id)
+        for answer in self._answers.values():
+            if not answer.done():
+                answer.set_exception(Moved(self.inspection_id))
+                answer.exception()
+        self.wake()
 
     def offer(self, sent: SentFrame) -> Outcome:
         """Take a frame of a stream; one that finds no room is dropped, counted, and answered so.
@@ -169,7 +223,7 @@ class Running:
         self._around.metrics.frames.labels(self.product_id, "dropped").inc()
         self._dropped += 1
         self._said[sent.sequence] = len(self.messages)
-        self._log(_json({"kind": "dropped", "sequence": sent.sequence, "why": why}))
+        self._log(_json({"kind": "dropped", "sequence": sent.sequence, "why": why}), sent.sequence)
         return "dropped"
 
     async def offer_and_wait(self, sent: SentFrame) -> bytes:
@@ -180,6 +234,10 @@ class Running:
         return await asyncio.shield(self._answer(sent))
 
     def _answer(self, sent: SentFrame) -> asyncio.Future[bytes]:
+        if self.resumed and sent.sequence > self.next_sequence and sent.sequence <= (self._asked_for or sent.sequence):
+            # Who cannot send them again goes on with the next one, and they count as lost.
+            self._asked_for = sent.sequence
+            raise ResumeFrom(self.inspection_id, self.next_sequence, sent.sequence)
         if sent.sequence in self._answers:
             return self._answers[sent.sequence]
         if sent.sequence in self._said:
@@ -205,7 +263,9 @@ class Running:
         news.set()
 
     def end(self, *, stopped: bool = False, reason: str | None = None) -> None:
-        """No more frames; what waits is scored, then `ended` has the result."""
+        """No more frames; what waits is scored, then `ended` has the result. Raises ScorerLost."""
+        if self.lost_because is not None:
+            raise ScorerLost(self.inspection_id, self.lost_because)
         self.phase = "ending"
         announced = 0 if self._first is None else self.next_sequence - self._first
         head: Head = {"id": self.inspection_id, "announced": announced}
@@ -220,6 +280,11 @@ class Running:
         self.scorer.forget(self.inspection_id)
         said = b'{"kind":%b,"reason":%b,"result":%b}' % (_json(kind), _json(reason), full or b"null")
         self._log(said)
+
+    def tell_saved(self, below: int) -> None:
+        """Frames below this need not be kept by those who sent them."""
+        self.ledger.below = below
+        self.wake()
 
     def tell_briefs(self) -> None:
         """What was scored since the last time, as one event for all dashboards."""
@@ -252,6 +317,14 @@ class Running:
             self._hear_frame(head, body)
         elif head["did"] == "begun":
             _settle(self.begun, None)
+        elif head["did"] == "checkpoint":
+            size = head["sizes"][0]
+            cut = self.ledger.cut(head["sequence"], self._first, self.keys, body[:size], body[size:])
+            if self._cut is not None:
+                _settle(self._cut, cut)
+        elif head["did"] == "released":
+            if self._released is not None:
+                _settle(self._released, head["recording"])
         elif head["did"] == "doubted":
             ends = [*accumulate(head["sizes"], initial=0)]
             self.doubted([body[start:end] for start, end in pairwise(ends)])
@@ -264,9 +337,10 @@ class Running:
     def died(self, why: str) -> None:
         self.touched = time.monotonic()
         self.lost_because = why
-        error = ScorerLost(self.inspection_id, why)
-        for waiting in (self.begun, self.ended, *self._answers.values()):
-            if not waiting.done():
+        moves = self._around.movable and self.begun.done()
+        error = Moved(self.inspection_id) if moves else ScorerLost(self.inspection_id, why)
+        for waiting in (self.begun, self.ended, self._cut, self._released, *self._answers.values()):
+            if waiting is not None and not waiting.done():
                 waiting.set_exception(error)
                 # not everybody waits
                 waiting.exception()
@@ -282,7 +356,7 @@ class Running:
         for kind, line in zip(head["kinds"], lines, strict=True):
             if kind in _NEWS:
                 self._around.events.publish(kind, **self._names(), **_parsed(line))
-            self._log(line)
+            self._log(line, sequence)
         outcome, picture = head["kinds"][0], self._pictures.pop(sequence)
         self._around.metrics.frames.labels(self.product_id, outcome).inc()
         if outcome == "scored":
@@ -297,12 +371,22 @@ class Running:
         if answer := self._answers.pop(sequence, None):
             _settle(answer, self.messages[self._said[sequence]])
 
-    def _log(self, line: bytes) -> None:
+    def _ask_scorer(self, head: Head) -> None:
+        if self.lost_because is not None:
+            raise Moved(self.inspection_id)
+        self.scorer.ask(self, head)
+
+    def _log(self, line: bytes, sequence: int = -1) -> None:
+        """A message; where it is of a frame, with its number."""
+        if self._around.movable:
+            self.ledger.said(line, sequence)
         self.messages.append(b'{"n":%d,%b' % (len(self.messages), line[1:]))
         self.wake()
 
     def _old(self, sent: SentFrame) -> bool:
         self.touched = time.monotonic()
+        if self.phase == "moved" or (self.lost_because is not None and self._around.movable):
+            raise Moved(self.inspection_id)
         if self.phase != "open":
             raise NotOpen(self.inspection_id)
         if self.scored + self.waiting >= self._around.bounds.frames:
@@ -318,6 +402,7 @@ class Running:
 
     def _count(self, sent: SentFrame) -> None:
         self.load.came(sent.t_ns)
+        self.resumed = False
         self._first = sent.sequence if self._first is None else self._first
         self.next_sequence = sent.sequence + 1
 

@@ -36,6 +36,8 @@ from inspector.stores.records import Json
 from models.errors import InspectionError
 
 log = structlog.get_logger("inspector")
+HAND_OVER = "hand over"
+"""Asked of the service that has an inspection, by the one that it goes on at."""
 KILLED = "the service ended while this was being done"
 _HOUSEKEEPING_SECONDS = 300.0
 
@@ -139,7 +141,10 @@ class Service:
             max_pixels=settings.max_pixels,
             bounds=Bounds(window=settings.window, frames=settings.max_frames),
             idle_seconds=settings.idle_seconds,
+            node_id=self.peers.node_id,
+            hand_over=partial(self.peers.ask, kind=HAND_OVER),
         )
+        self.peers.on(HAND_OVER, lambda asked: self.inspections.give_soon(asked["inspection_id"]))
         self.workspaces = Workspaces(
             store, files, looking=looking, learning=learning, max_bytes=settings.max_recording, now_ns=self.now_ns
         )

@@ -90,6 +90,57 @@ class BrokenWay:
         _cut(one, other)
 
 
+class Switch:
+    """A port that leads to one service or another; what leads to the one before is cut when it is switched."""
+
+    def __init__(self, url: str) -> None:
+        self._to = url
+        self._open: list[socket.socket] = []
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Switch:
+        self._listening = self._stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        self.url = f"http://127.0.0.1:{self._listening.getsockname()[1]}"
+        accepting = threading.Thread(target=self._accept)
+        accepting.start()
+        self._stack.callback(accepting.join)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(OSError):
+            self._listening.shutdown(socket.SHUT_RDWR)
+        _cut(*self._open)
+        self._stack.close()
+
+    def to(self, url: str) -> None:
+        """From now on."""
+        self._to, before, self._open = url, self._open, []
+        _cut(*before)
+
+    def _accept(self) -> None:
+        with ExitStack() as threads:
+            while True:
+                try:
+                    near, _ = self._listening.accept()
+                except OSError:
+                    return
+                far = socket.create_connection(("127.0.0.1", int(self._to.rpartition(":")[2])))
+                self._open += [near, far]
+                for each in (near, far):
+                    threads.enter_context(each)
+                for one, other in ((near, far), (far, near)):
+                    thread = threading.Thread(target=_carried, args=(one, other))
+                    thread.start()
+                    threads.callback(thread.join)
+
+
+def _carried(one: socket.socket, other: socket.socket) -> None:
+    with suppress(OSError):
+        while data := one.recv(65536):
+            other.sendall(data)
+    _cut(one, other)
+
+
 def _cut(*sockets: socket.socket) -> None:
     for each in sockets:
         with suppress(OSError):

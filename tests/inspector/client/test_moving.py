@@ -1,0 +1,209 @@
+"""An inspection goes from one process of the service to another, and neither line nor result know the difference."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from inspector.client import AbstractInspection, Client
+from inspector.recording import SweepReader
+from inspector.replay import replay
+from inspector.service import moving
+from inspector.service.checkpoints import Kept
+from inspector.service.folder import new_id
+from inspector.service.service import HAND_OVER, Service
+from tests.api.stations import BAD, PART, PRODUCT, frames, learnt, material, sweep, teach
+from tests.inspector.client.served import Switch, served
+from tests.postgresql import Server
+from tests.system.test_serve import until
+
+WAYS = ("ws", "rest")
+_BATCH = itertools.count()
+
+
+@pytest.fixture(scope="module")
+def two(postgresql: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[str, Service]]]:
+    """Two services on one database."""
+    folder, database = tmp_path_factory.mktemp("two"), postgresql.new_database()
+    with (
+        served(folder / "one", database=database) as one,
+        served(folder / "other", database=database) as other,
+    ):
+        teach(one[1])
+        copied = other[1].folder.appearance(learnt().id)
+        copied.write_bytes((material() / "plate.appearance").read_bytes())
+        yield [one, other]
+
+
+@pytest.fixture
+def way(two: list[tuple[str, Service]]) -> Iterator[Switch]:
+    with Switch(two[0][0]) as switch:
+        yield switch
+
+
+Begin = Callable[[str, list[dict[str, Any]]], AbstractInspection]
+
+
+@pytest.fixture
+def begin(way: Switch) -> Iterator[Begin]:
+    """An inspection, by a transport; what is said of it goes to a list."""
+    with Client(way.url) as client:
+        yield lambda transport, said: client.begin(
+            PRODUCT, f"{PART}-{next(_BATCH)}", transport=transport, on_message=said.append
+        )
+
+
+def offline() -> Any:
+    return replay(SweepReader(sweep(BAD)), learnt()).result
+
+
+def unhurt(inspection: AbstractInspection, said: list[dict[str, Any]]) -> None:
+    """Every frame was answered once, in order, and the result is that of the sweep that nobody interrupted."""
+    result = inspection.conclude()
+    wanted = offline()
+    assert (result["verdict"], result["digest"]) == (wanted.verdict.value, wanted.digest)
+    assert [each["index"] for each in said if each["kind"] == "scored"] == [*range(len(frames()))]
+    assert inspection.counts["scored"] == len(frames()) == result["frames_scored"]
+    assert len(result["frames"]) == len(frames())
+
+
+def saved(service: Service, inspection: AbstractInspection) -> None:
+    """Wait until all that was sent is in the store, and the line knows it."""
+    while (running := service.inspections.find(inspection.inspection_id)) is None or (
+        running.ledger.below < running.next_sequence
+    ):
+        inspection.wait(0.02)
+    inspection.wait(0.1)
+
+
+def kept(service: Service, inspection: AbstractInspection) -> Kept:
+    """What is kept of it there, as soon as it is there."""
+    while (running := service.inspections.find(inspection.inspection_id)) is None:
+        inspection.wait(0.02)
+    return running.ledger.kept
+
+
+@pytest.fixture
+def deaf(two: list[tuple[str, Service]]) -> Iterator[None]:
+    """Who has an inspection does not hand it over, and does not know that it is taken."""
+    for _, service in two:
+        service.peers.on(HAND_OVER, lambda asked: None)
+    yield
+    for _, service in two:
+        service.peers.on(
+            HAND_OVER, lambda asked, service=service: service.inspections.give_soon(asked["inspection_id"])
+        )
+
+
+@pytest.mark.usefixtures("deaf")
+@pytest.mark.parametrize("transport", WAYS)
+@pytest.mark.parametrize("moved_at", [0, 1, 17, len(frames())])
+def test_what_was_never_saved_is_sent_once_more(
+    two: list[tuple[str, Service]], way: Switch, begin: Begin, transport: str, moved_at: int
+):
+    said: list[dict[str, Any]] = []
+    inspection = begin(transport, said)
+    for frame in frames()[:moved_at]:
+        inspection.send(frame)
+    way.to(two[1][0])
+    for frame in frames()[moved_at:]:
+        inspection.send(frame)
+    unhurt(inspection, said)
+
+
+@pytest.mark.usefixtures("deaf")
+@pytest.mark.parametrize("transport", WAYS)
+def test_it_goes_on_from_where_it_was_saved(
+    two: list[tuple[str, Service]], way: Switch, begin: Begin, transport: str, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(moving, "SAVE_SECONDS", 0.05)
+    said: list[dict[str, Any]] = []
+    inspection = begin(transport, said)
+    for frame in frames():
+        if frame.sequence == 20:
+            saved(two[0][1], inspection)
+        if frame.sequence == 27:
+            way.to(two[1][0])
+        inspection.send(frame)
+    unhurt(inspection, said)
+    (start,) = kept(two[1][1], inspection).starts
+    assert 20 <= start[1] <= 27
+
+
+@pytest.mark.parametrize("transport", WAYS)
+def test_it_is_handed_over_at_the_last_frame(two: list[tuple[str, Service]], way: Switch, begin: Begin, transport: str):
+    said: list[dict[str, Any]] = []
+    inspection = begin(transport, said)
+    services = itertools.cycle([two[1], two[0]])
+    starts: list[tuple[int, int]] = []
+    for frame in frames():
+        if frame.sequence % 13 == 12:
+            while inspection.counts["scored"] < frame.sequence:
+                inspection.wait(0.02)
+            url, service = next(services)
+            way.to(url)
+            inspection.send(frame)
+            starts.append((len(starts) + 1, frame.sequence))
+            assert kept(service, inspection).starts == tuple(starts)
+        else:
+            inspection.send(frame)
+    unhurt(inspection, said)
+    assert two[0][1].store.inspection(inspection.inspection_id).takes == len(starts) == 3
+
+
+@pytest.mark.parametrize("transport", WAYS)
+def test_a_scorer_that_dies_takes_nothing_with_it(two: list[tuple[str, Service]], begin: Begin, transport: str):
+    said: list[dict[str, Any]] = []
+    inspection = begin(transport, said)
+    for frame in frames():
+        if frame.sequence == 21:
+            (scorer,) = two[0][1].inspections.pool.scorers
+            assert scorer.pid is not None
+            os.kill(scorer.pid, signal.SIGKILL)
+        inspection.send(frame)
+    unhurt(inspection, said)
+
+
+def test_a_service_that_is_stopped_leaves_its_inspections_to_others(
+    two: list[tuple[str, Service]], postgresql: Server, tmp_path: Path
+):
+    said: list[dict[str, Any]] = []
+    database = two[0][1].settings.database_url
+    with Switch("") as way, Client(way.url) as client:
+        with served(tmp_path / "third", database=database) as third:
+            copied = third[1].folder.appearance(learnt().id)
+            copied.write_bytes((material() / "plate.appearance").read_bytes())
+            way.to(third[0])
+            inspection = client.begin(PRODUCT, "stopped", on_message=said.append)
+            for frame in frames()[:25]:
+                inspection.send(frame)
+        stored = two[0][1].store.inspection(inspection.inspection_id)
+        assert (stored.state, stored.node) == ("processing", None)
+        way.to(two[0][0])
+        for frame in frames()[25:]:
+            inspection.send(frame)
+        unhurt(inspection, said)
+
+
+def test_what_nobody_goes_on_with_is_aborted(two: list[tuple[str, Service]], tmp_path: Path):
+    other = two[0][1]
+    with served(tmp_path / "third", database=other.settings.database_url, idle_seconds=1.0) as (url, third):
+        copied = third.folder.appearance(learnt().id)
+        copied.write_bytes((material() / "plate.appearance").read_bytes())
+        inspection_id = new_id()
+        other.store.begin_inspection(
+            inspection_id, PRODUCT, part_id="left", recipe_id=None, appearance_id=learnt().id, policy={},
+            begun_ns=other.now_ns(), node="a process that was killed",
+        )  # fmt: skip
+        assert other.store.bury(3.0, "gone").inspection_ids == (inspection_id,)
+        with Client(url):
+            until(lambda: other.store.inspection(inspection_id).state == "aborted")
+    stored = other.store.inspection(inspection_id)
+    assert stored.verdict is None
+    assert stored.reason == "its process was lost, and no frame came for 1 s"
