@@ -234,10 +234,7 @@ class Running:
         return await asyncio.shield(self._answer(sent))
 
     def _answer(self, sent: SentFrame) -> asyncio.Future[bytes]:
-        if self.resumed and sent.sequence > self.next_sequence and sent.sequence <= (self._asked_for or sent.sequence):
-            # Who cannot send them again goes on with the next one, and they count as lost.
-            self._asked_for = sent.sequence
-            raise ResumeFrom(self.inspection_id, self.next_sequence, sent.sequence)
+        self._check_gap(sent.sequence)
         if sent.sequence in self._answers:
             return self._answers[sent.sequence]
         if sent.sequence in self._said:
@@ -382,6 +379,17 @@ class Running:
             self.ledger.said(line, sequence)
         self.messages.append(b'{"n":%d,%b' % (len(self.messages), line[1:]))
         self.wake()
+
+    def _check_gap(self, sequence: int) -> None:
+        """Raises ResumeFrom where frames before that one were lost with another process.
+
+        Who cannot send them again goes on with the next one, and they count as lost. The same frame once more may be
+        a request that nobody waits for any more.
+        """
+        if self.resumed and self._asked_for is None:
+            self._asked_for = sequence
+        if self._asked_for is not None and self.next_sequence < sequence <= self._asked_for:
+            raise ResumeFrom(self.inspection_id, self.next_sequence, sequence)
 
     def _old(self, sent: SentFrame) -> bool:
         self.touched = time.monotonic()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,7 +19,7 @@ from inspector.service import moving
 from inspector.service.checkpoints import Kept
 from inspector.service.folder import new_id
 from inspector.service.service import HAND_OVER, Service
-from tests.api.stations import BAD, PART, PRODUCT, frames, learnt, material, sweep, teach
+from tests.api.stations import BAD, PART, PRODUCT, frames, learnt, material, picture, sweep, teach
 from tests.inspector.client.served import Switch, served
 from tests.postgresql import Server
 from tests.system.test_serve import until
@@ -31,13 +32,13 @@ _BATCH = itertools.count()
 def two(postgresql: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[str, Service]]]:
     """Two services on one database."""
     folder, database = tmp_path_factory.mktemp("two"), postgresql.new_database()
+    files = f"file://{folder}/files"
     with (
-        served(folder / "one", database=database) as one,
-        served(folder / "other", database=database) as other,
+        served(folder / "one", database=database, files=files) as one,
+        served(folder / "other", database=database, files=files) as other,
     ):
         teach(one[1])
-        copied = other[1].folder.appearance(learnt().id)
-        copied.write_bytes((material() / "plate.appearance").read_bytes())
+        shutil.copy(material() / "plate.appearance", one[1].files.place("appearance", learnt().id))
         yield [one, other]
 
 
@@ -63,14 +64,24 @@ def offline() -> Any:
     return replay(SweepReader(sweep(BAD)), learnt()).result
 
 
-def unhurt(inspection: AbstractInspection, said: list[dict[str, Any]]) -> None:
-    """Every frame was answered once, in order, and the result is that of the sweep that nobody interrupted."""
+def unhurt(service: Service, inspection: AbstractInspection, said: list[dict[str, Any]], lost: int = 0) -> None:
+    """Every frame was answered once, in order, and the result is that of the sweep that nobody interrupted.
+
+    Its recording has all frames but the first ones, which a process recorded that was lost.
+    """
     result = inspection.conclude()
     wanted = offline()
     assert (result["verdict"], result["digest"]) == (wanted.verdict.value, wanted.digest)
     assert [each["index"] for each in said if each["kind"] == "scored"] == [*range(len(frames()))]
     assert inspection.counts["scored"] == len(frames()) == result["frames_scored"]
     assert len(result["frames"]) == len(frames())
+    until(lambda: service.store.inspection(inspection.inspection_id).recording == "kept")
+    note = service.store.inspection(inspection.inspection_id).recording_note
+    assert note == (
+        f"frames from 0 to {lost - 1} are not in it: the process that recorded them was lost" if lost else None
+    )
+    kept = SweepReader(service.files.place("inspection", inspection.inspection_id))
+    assert [picture(frame) for frame in kept] == [picture(frame) for frame in frames()[lost:]]
 
 
 def saved(service: Service, inspection: AbstractInspection) -> None:
@@ -105,8 +116,14 @@ def deaf(two: list[tuple[str, Service]]) -> Iterator[None]:
 @pytest.mark.parametrize("transport", WAYS)
 @pytest.mark.parametrize("moved_at", [0, 1, 17, len(frames())])
 def test_what_was_never_saved_is_sent_once_more(
-    two: list[tuple[str, Service]], way: Switch, begin: Begin, transport: str, moved_at: int
+    two: list[tuple[str, Service]],
+    way: Switch,
+    begin: Begin,
+    transport: str,
+    moved_at: int,
+    monkeypatch: pytest.MonkeyPatch,
 ):
+    monkeypatch.setattr(moving, "SAVE_SECONDS", 1000.0)
     said: list[dict[str, Any]] = []
     inspection = begin(transport, said)
     for frame in frames()[:moved_at]:
@@ -114,7 +131,7 @@ def test_what_was_never_saved_is_sent_once_more(
     way.to(two[1][0])
     for frame in frames()[moved_at:]:
         inspection.send(frame)
-    unhurt(inspection, said)
+    unhurt(two[1][1], inspection, said)
 
 
 @pytest.mark.usefixtures("deaf")
@@ -131,9 +148,9 @@ def test_it_goes_on_from_where_it_was_saved(
         if frame.sequence == 27:
             way.to(two[1][0])
         inspection.send(frame)
-    unhurt(inspection, said)
-    (start,) = kept(two[1][1], inspection).starts
-    assert 20 <= start[1] <= 27
+    ((_, start),) = kept(two[1][1], inspection).starts
+    assert 20 <= start <= 27
+    unhurt(two[1][1], inspection, said, lost=start)
 
 
 @pytest.mark.parametrize("transport", WAYS)
@@ -153,7 +170,7 @@ def test_it_is_handed_over_at_the_last_frame(two: list[tuple[str, Service]], way
             assert kept(service, inspection).starts == tuple(starts)
         else:
             inspection.send(frame)
-    unhurt(inspection, said)
+    unhurt(two[1][1], inspection, said)
     assert two[0][1].store.inspection(inspection.inspection_id).takes == len(starts) == 3
 
 
@@ -167,7 +184,7 @@ def test_a_scorer_that_dies_takes_nothing_with_it(two: list[tuple[str, Service]]
             assert scorer.pid is not None
             os.kill(scorer.pid, signal.SIGKILL)
         inspection.send(frame)
-    unhurt(inspection, said)
+    unhurt(two[1][1], inspection, said)
 
 
 def test_a_service_that_is_stopped_leaves_its_inspections_to_others(
@@ -176,9 +193,7 @@ def test_a_service_that_is_stopped_leaves_its_inspections_to_others(
     said: list[dict[str, Any]] = []
     database = two[0][1].settings.database_url
     with Switch("") as way, Client(way.url) as client:
-        with served(tmp_path / "third", database=database) as third:
-            copied = third[1].folder.appearance(learnt().id)
-            copied.write_bytes((material() / "plate.appearance").read_bytes())
+        with served(tmp_path / "third", database=database, files=two[0][1].settings.files) as third:
             way.to(third[0])
             inspection = client.begin(PRODUCT, "stopped", on_message=said.append)
             for frame in frames()[:25]:
@@ -188,14 +203,13 @@ def test_a_service_that_is_stopped_leaves_its_inspections_to_others(
         way.to(two[0][0])
         for frame in frames()[25:]:
             inspection.send(frame)
-        unhurt(inspection, said)
+        unhurt(two[1][1], inspection, said)
 
 
 def test_what_nobody_goes_on_with_is_aborted(two: list[tuple[str, Service]], tmp_path: Path):
     other = two[0][1]
-    with served(tmp_path / "third", database=other.settings.database_url, idle_seconds=1.0) as (url, third):
-        copied = third.folder.appearance(learnt().id)
-        copied.write_bytes((material() / "plate.appearance").read_bytes())
+    settings = {"database": other.settings.database_url, "files": other.settings.files, "idle_seconds": 1.0}
+    with served(tmp_path / "third", **settings) as (url, _):
         inspection_id = new_id()
         other.store.begin_inspection(
             inspection_id, PRODUCT, part_id="left", recipe_id=None, appearance_id=learnt().id, policy={},
