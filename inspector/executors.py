@@ -132,13 +132,14 @@ class Executor:
 
     def _alone(self, work: Callable[..., B], number: int, thing: object, shared: Sequence[object]) -> B | _Broke:
         try:
-            return next(made for _, made in self._once(work, [(number, thing)], shared))
+            ((_, made),) = self._once(work, [(number, thing)], shared)
         except _Died as died:
             try:
                 list(self._once(_nothing, [(0, None)], ()))
             except _Died as none:
                 raise WorkersLost(self.url, str(none)) from none
             return _Broke(f"every worker that takes it dies: {died}")
+        return made
 
     def _once(
         self, work: Callable[..., B], numbered: Sequence[tuple[int, A]], shared: Sequence[object]
