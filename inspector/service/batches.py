@@ -211,7 +211,9 @@ class Batches:
             "pieces": pieces,
             "appearance": str(self._files.local_appearance(recipe.appearance_id)),
             "policy": recipe.policy,
-            "others": self._recognising.others(recipe.product_id, recipe.appearance_id),
+            "others": self._recognising.others(
+                recipe.product_id, recipe.appearance_id, far=self._executor.startswith(("dask:", "ray:"))
+            ),
         }
         self._desk.do("batch", asked, made=made)
 

@@ -22,16 +22,24 @@ class Recognising:
     def __init__(self, store: AbstractStore, files: Files, desk: Desk) -> None:
         self._store, self._files, self._desk = store, files, desk
 
-    def others(self, product_id: str, appearance_id: str) -> dict[str, str]:
-        """Files of the appearances that other products' active recipes have, by product."""
+    def others(self, product_id: str, appearance_id: str, *, far: bool = False) -> dict[str, str]:
+        """Files of the appearances that other products' active recipes have, by product.
+
+        Those of this computer; or, for whoever is `far`, those that every service has.
+        """
         found: dict[str, str] = {}
         for product in self._store.products(limit=_MOST).items:
             recipe = self._store.active_recipe(product.product_id)
             if recipe is not None and product.product_id != product_id and recipe.appearance_id != appearance_id:
                 # One that cannot be had names no part, and that is all.
                 with suppress(ObjectError):
-                    found[product.product_id] = str(self._files.local_appearance(recipe.appearance_id))
+                    found[product.product_id] = self._file(recipe.appearance_id, far)
         return found
+
+    def _file(self, appearance_id: str, far: bool) -> str:
+        if far:
+            return self._files.place("appearance", appearance_id)
+        return str(self._files.local_appearance(appearance_id))
 
     def recognise(self, product_id: str, appearance_id: str, pictures: Sequence[bytes]) -> Json | None:
         """What pictures from the beginning of a sweep show, that are not of the part as it was learnt.

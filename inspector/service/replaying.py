@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from jaxtyping import UInt8
 
 from inspector.executors import open_executor
 from inspector.learner import load_appearance, packed, unpacked
+from inspector.locations import to_location
 from inspector.others import Others
 from inspector.recording import SweepReader, count_frames
 from inspector.replay import OnScored
@@ -32,7 +32,7 @@ OTHERS = Others()
 
 def others_of(parts: Mapping[str, str]) -> list[Other]:
     """Those whose files can be read here, by the names of their parts."""
-    return OTHERS.readable({name: Path(path) for name, path in parts.items()})
+    return OTHERS.readable({name: to_location(path) for name, path in parts.items()})
 
 
 def replay(

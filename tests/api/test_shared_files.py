@@ -11,6 +11,9 @@ from fastapi.testclient import TestClient
 
 from api.app import create_app
 from inspector.objects import Objects
+from inspector.service.desk import Desk
+from inspector.service.recognising import Recognising
+from inspector.service.replaying import others_of
 from inspector.settings import Settings
 from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, material, picture, sweep
 from tests.api.test_round import HERE, MCAP, ended, uploaded
@@ -91,6 +94,18 @@ def test_a_recording_of_one_is_shown_replayed_and_sent_by_the_other(
     assert shown[0].content == shown[1].content
     again = other.post("/v1/replays", json={"inspection_id": result["inspection_id"]}).json()
     assert one.get(f"/v1/inspections/{again['inspection_id']}").json()["digest"] == result["digest"]
+
+
+def test_workers_far_away_are_told_where_all_have_what_other_parts_look_like(
+    two: tuple[TestClient, TestClient], recipe: str
+) -> None:
+    service = two[1].app.state.service  # pyright: ignore[reportAttributeAccessIssue]
+    known = Recognising(service.store, service.files, Desk(1))
+    far = known.others("another", "sha256:", far=True)[PRODUCT]
+    assert far.startswith("s3://")
+    near = known.others("another", "sha256:")[PRODUCT]
+    assert near.startswith(str(service.folder.path))
+    assert [each.name for each in others_of({PRODUCT: far, "gone": f"{far}x", "local": near})] == ["local", PRODUCT]
 
 
 def test_frames_are_shown_while_the_recording_cannot_be_brought_away(
