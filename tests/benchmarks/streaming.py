@@ -55,10 +55,10 @@ PART = "unit=3&seed=13"
 PATIENCE = 60.0
 
 
-def prepare(folder: Path) -> None:
+def prepare(folder: Path, camera_options: str = "") -> None:
     """Two golden sweeps, what is learnt of them, and the sweep that every camera sends."""
     for name, options in zip(("golden-1", "golden-2", "part"), (*GOLDEN, PART), strict=True):
-        with open_camera(f"simulated:?{options}") as camera:
+        with open_camera(f"simulated:?{options}{camera_options}") as camera:
             record(camera, folder / f"{name}.mcap", lossless=True)
     learn_recordings([folder / "golden-1.mcap", folder / "golden-2.mcap"], folder / "plate.appearance")
 

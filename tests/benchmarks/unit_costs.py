@@ -431,7 +431,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, server() as running, bucket() as url:
         folder, database = Path(name), Database(running)
         if asked.cameras:
-            streaming.prepare(folder)
+            size = asked.sizes[0]
+            drawn = "" if size == "320x240" else f"&path=line&size={size}&frames={DRAWN[size]}"
+            streaming.prepare(folder, drawn)
             for streams in asked.cameras:
                 services(asked.services, streams, asked.seconds, folder, Database(running))
             return
