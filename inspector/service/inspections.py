@@ -86,7 +86,7 @@ class Inspections:
         self._beginning = 0
         self._turns = Turns()
         self._tasks: set[asyncio.Task[Any]] = set()
-        self._finishing: set[asyncio.Task[Ended]] = set()
+        self._finishing: set[asyncio.Task[Any]] = set()
         self._log = structlog.get_logger("inspector")
 
     async def start(self) -> None:
@@ -111,15 +111,15 @@ class Inspections:
             return
         self.stopping = True
         self._events.publish("station", **self.station)
+        if self._store.shared:
+            await asyncio.gather(*map(self.give, self._running))
         for running in [*self._running.values()]:
             with suppress(WorldError):
-                if self._store.shared:
-                    await self.give(running.inspection_id)
-                else:
-                    await self._end(running, reason="the service was stopped")
-        # What is being concluded just now.
-        if self._finishing:
-            await asyncio.wait(self._finishing, timeout=_FINISH_SECONDS)
+                await self._end(running, reason="the service was stopped")
+        # What is being concluded just now, and then recordings in parts.
+        until = time.monotonic() + _FINISH_SECONDS
+        while self._finishing and time.monotonic() < until:
+            await asyncio.wait(self._finishing, timeout=until - time.monotonic())
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -300,24 +300,25 @@ class Inspections:
     async def _ready(
         self, running: Running, stored: StoredInspection, resume: Head | None = None, body: bytes = b""
     ) -> None:
-        """The scorer is ready for its frames. Raises AppearanceError, CheckpointError, ScorerLost."""
-        self._running[running.inspection_id] = running
+        """The scorer is ready for its frames. Raises AppearanceError, CheckpointError, ScorerLost, Moved."""
+        path = await in_thread(self._files.local_appearance, stored.appearance_id)
         names = {name: value for name, value in running.facts.items() if name != "appearance_id"}
         head: Head = {
             "do": "begin",
             "id": running.inspection_id,
             "appearance_id": stored.appearance_id,
-            "path": str(await in_thread(self._files.local_appearance, stored.appearance_id)),
+            "path": str(path),
             "policy": stored.policy,
             "names": names | {"result_id": new_id()},
             "record_to": str(self._files.tape(running.inspection_id, stored.takes)),
         }
+        # Nobody finds it before the scorer was told of it.
+        self._running[running.inspection_id] = running
         running.begin(head | (resume or {}), body)
         try:
             await running.begun
-        except WorldError as error:
-            await self._lose(running, str(error))
-            raise
+        except ScorerLost:
+            await self._bereave(running)
 
     def _recipe(self, product_id: str, recipe_id: str | None) -> Recipe:
         if recipe_id is not None:
@@ -338,10 +339,14 @@ class Inspections:
         if running.phase == "open":
             running.end(stopped=stopped, reason=reason)
         running.phase = "ending"
-        finishing = self._keep(self._finish(running, reason))
-        self._finishing.add(finishing)
-        finishing.add_done_callback(self._finishing.discard)
-        return await asyncio.shield(finishing)
+        return await asyncio.shield(self._wait_for(self._finish(running, reason)))
+
+    def _wait_for(self, work: Any) -> asyncio.Task[Any]:
+        """A task that the end of the service waits for."""
+        task = self._keep(work)
+        self._finishing.add(task)
+        task.add_done_callback(self._finishing.discard)
+        return task
 
     async def _finish(self, running: Running, reason: str | None) -> Ended:
         try:
@@ -363,7 +368,7 @@ class Inspections:
             raise
         self._retire(running, ended.full, stored)
         if kept.starts:
-            self._keep(in_thread(self._endings.join, stored, kept, ended.recording["note"]))
+            self._wait_for(in_thread(self._endings.join, stored, kept, ended.recording["note"]))
         return ended
 
     async def _prepare(self, appearance_id: str) -> None:
@@ -403,7 +408,7 @@ class Inspections:
     async def _bereave(self, running: Running) -> None:
         """Its scorer is gone: it goes on from what was saved, or failed. Raises Moved, ScorerLost."""
         why = running.lost_because or ""
-        if self._store.shared:
+        if self._store.shared and not running.impossible:
             await self._drop(running, why)
             raise Moved(running.inspection_id)
         await self._lose(running, why)

@@ -101,6 +101,9 @@ class Ended:
 class Running:
     """A `Listener` of its scorer. `messages` is the log that every connection reads at its own pace."""
 
+    impossible = False
+    """Whether no other scorer would do: what it needs cannot be read."""
+
     def __init__(self, facts: Mapping[str, str], scorer: Scorer, around: Around) -> None:
         self.facts = dict(facts)
         """`inspection_id`, `product_id`, `part_id`, `recipe_id`, `appearance_id`."""
@@ -329,6 +332,7 @@ class Running:
             size = head["json"]
             _settle(self.ended, Ended(head["result"], body[:size], body[size:], head["recording"], head["doubted"]))
         else:
+            self.impossible = head.get("do") == "begin"
             self.died(head["why"])
 
     def died(self, why: str) -> None:

@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx2
 import pytest
 
 from inspector.client import AbstractInspection, Client
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from inspector.service import moving
-from inspector.service.checkpoints import Kept
+from inspector.service.checkpoints import Kept, state_bytes
 from inspector.service.folder import new_id
 from inspector.service.service import HAND_OVER, Service
 from tests.api.stations import BAD, PART, PRODUCT, frames, learnt, material, picture, sweep, teach
@@ -116,6 +117,7 @@ def deaf(two: list[tuple[str, Service]]) -> Iterator[None]:
 @pytest.mark.parametrize("transport", WAYS)
 @pytest.mark.parametrize("moved_at", [0, 1, 17, len(frames())])
 def test_what_was_never_saved_is_sent_once_more(
+    *,
     two: list[tuple[str, Service]],
     way: Switch,
     begin: Begin,
@@ -221,3 +223,19 @@ def test_what_nobody_goes_on_with_is_aborted(two: list[tuple[str, Service]], tmp
     stored = other.store.inspection(inspection_id)
     assert stored.verdict is None
     assert stored.reason == "its process was lost, and no frame came for 1 s"
+
+
+def test_what_cannot_be_gone_on_with_has_failed_and_is_told(two: list[tuple[str, Service]]):
+    service, inspection_id = two[0][1], new_id()
+    service.store.begin_inspection(
+        inspection_id, PRODUCT, part_id="damaged", recipe_id=None, appearance_id=learnt().id, policy={},
+        begun_ns=service.now_ns(), node="a process that was killed",
+    )  # fmt: skip
+    damaged = state_bytes(Kept(first=0, next=7), b"not a state")
+    service.store.save_checkpoint(inspection_id, "a process that was killed", 0, damaged, b"")
+    service.store.release_inspection(inspection_id, "a process that was killed", service.now_ns())
+    answer = httpx2.post(f"{two[0][0]}/v1/inspections/{inspection_id}/conclude", json={}, trust_env=False)
+    assert (answer.status_code, "the checkpoint cannot be read" in answer.text) == (500, True), answer.text
+    stored = service.store.inspection(inspection_id)
+    assert (stored.state, stored.verdict) == ("failed", None)
+    assert "the checkpoint cannot be read" in (stored.reason or "")
