@@ -186,9 +186,13 @@ def make_bucket(endpoint: str) -> None:
 
 def first_token(logs: list[Path]) -> str:
     """Told once, by one of them."""
-    said = [token for log in logs for token in re.findall(r"the first token, .*: (\S+)", log.read_text())]
-    assert len(said) == 1, said
-    return said[0]
+
+    def said() -> list[str]:
+        return [token for log in logs for token in re.findall(r"the first token, .*: (\S+)", log.read_text())]
+
+    until(lambda: len(said()) > 0, lambda: "no token was told")
+    assert len(said()) == 1
+    return said()[0]
 
 
 def teach(made: Cluster) -> None:

@@ -17,7 +17,7 @@ import httpx2
 from inspector.client import Client
 from inspector.recording import SweepReader
 from inspector.replay import replay
-from tests.api.stations import BAD, GOOD, PRODUCT, frames, learnt, sweep
+from tests.api.stations import BAD, GOOD, PRODUCT, frames, learnt, picture, sweep
 
 OPTIONS = (BAD, GOOD)
 IN_THE_MIDDLE = 10
@@ -59,17 +59,28 @@ class Part:
         assert self.result["digest"] == offline(self.options)
         assert front.get(f"/v1/inspections/{self.inspection}/result").json() == self.result
 
-    def check_recording(self, front: Front, folder: Path) -> None:
-        """It is one, whoever wrote it, and its replay says the same."""
-        path, answer = folder / f"{self.inspection}.mcap", front.get(f"/v1/inspections/{self.inspection}/recording")
+    def check_recording(self, front: Front, folder: Path, *, lost: bool = False) -> None:
+        """It is one, whoever wrote it, and its replay says the same; where a process is `lost`, what it had is told."""
+        path, note = folder / f"{self.inspection}.mcap", self._kept(front)
+        path.write_bytes(front.get(f"/v1/inspections/{self.inspection}/recording").content)
+        recorded = [picture(frame) for frame in SweepReader(path)]
+        sent = [picture(frame) for frame in frames(self.options)]
+        missing = len(sent) - len(recorded)
+        assert recorded == sent[missing:]
+        if lost:
+            told = f"frames from 0 to {frames(self.options)[missing - 1].sequence} are not in it"
+            assert (note or "").startswith(told) == (missing > 0), note
+        else:
+            assert (missing, note) == (0, None)
+            assert replay(SweepReader(path), learnt()).result.digest == offline(self.options)
+
+    def _kept(self, front: Front) -> str | None:
+        """What is said of the recording, once it is where all find it."""
         deadline = time.monotonic() + PATIENCE
-        while answer.status_code != 200:
-            # It is put where all find it after the result was told.
-            assert time.monotonic() < deadline, answer.text
-            time.sleep(0.2)
-            answer = front.get(f"/v1/inspections/{self.inspection}/recording")
-        path.write_bytes(answer.content)
-        assert replay(SweepReader(path), learnt()).result.digest == offline(self.options)
+        while (known := front.get(f"/v1/inspections/{self.inspection}").json())["recording"] != "kept":
+            assert time.monotonic() < deadline, known
+            time.sleep(0.1)
+        return known["recording_note"]
 
 
 class Line(threading.Thread):

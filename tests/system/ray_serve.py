@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import httpx2
-import pytest
 
+from tests.clusters import needs
 from tests.system.clustered import PATIENCE, Cluster, first_token, shared, teach, until
 
 OWN = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled", "NO_COLOR": "1", "RAY_COLOR_PREFIX": "0"}
@@ -49,7 +49,7 @@ class RayServe:
 @contextmanager
 def ray_serve(folder: Path, replicas: int = 2, **settings: str) -> Iterator[tuple[Cluster, RayServe]]:
     """Ready, the product learnt."""
-    pytest.importorskip("ray.serve", reason="Ray is not installed: pip install '.[cluster]'")
+    needs("ray")
     with ExitStack() as held:
         database, environment = held.enter_context(shared(folder, None, settings))
         environment |= OWN | {"INSPECTOR_HOST": "127.0.0.1", "INSPECTOR_DATA": str(folder / "data")}
@@ -68,7 +68,6 @@ def ray_serve(folder: Path, replicas: int = 2, **settings: str) -> Iterator[tupl
                 return False
 
         until(ready, log.read_text)
-        until(lambda: "the first token" in log.read_text(), log.read_text)
         made = Cluster(url, [], database, first_token([log]))
         teach(made)
         yield made, RayServe(process)

@@ -37,6 +37,6 @@ def round_with_a_death(made: Cluster, boards: Sequence[Dashboard], kill: Callabl
     print(f"{len(moved)} of {len(parts)} moved; first words after {max(silences[each] for each in moved):.2f} s")
     assert max(silences.values()) < TOLD_SECONDS
     for part in parts:
-        part.check_recording(made, folder)
+        part.check_recording(made, folder, lost=part.inspection in moved)
     end_well(made, before)
     return inspections

@@ -1,0 +1,62 @@
+"""Several services behind one address: lines go on where one of them dies, and nothing that was told is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Event
+
+import pytest
+
+from tests.system.clustered import Cluster, cluster, until
+from tests.system.lines import IN_THE_MIDDLE, Dashboard, come_to, end_well, started
+from tests.system.rounds import round_with_a_death
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    with cluster(tmp_path_factory.mktemp("cluster")) as running:
+        yield running
+
+
+def test_one_is_killed_and_every_line_goes_on_and_a_dashboard_on_either_sees_both(
+    made: Cluster, tmp_path: Path
+) -> None:
+    boards = [Dashboard(node.url, made.token) for node in made.nodes]
+    try:
+        inspections = round_with_a_death(made, boards, made.nodes[0].kill, tmp_path)
+    finally:
+        made.nodes[0].end()
+        made.nodes[0].start()
+        made.wait_for(made.nodes[0])
+    until(lambda: boards[1].has("verdict", inspections), lambda: str(boards[1].seen))
+
+
+def test_all_are_restarted_one_after_the_other_and_nothing_is_lost(made: Cluster, tmp_path: Path) -> None:
+    done = Event()
+    lines = started(made, 8, ("ws", "rest"), more=lambda: not done.is_set())
+    for node in made.nodes:
+        come_to(lines, IN_THE_MIDDLE)
+        assert node.stop() == 0, node.log.read_text()
+        node.start()
+        made.wait_for(node)
+    done.set()
+    end_well(made, lines)
+    parts = {part.inspection: part for line in lines for part in line.parts}
+    moved = made.moved({*parts})
+    assert moved
+    for each in moved:
+        parts[each].check_recording(made, tmp_path)
+
+
+def test_one_that_hangs_is_left_and_changes_nothing_when_it_wakes_up(made: Cluster) -> None:
+    lines = started(made, 6, ("ws", "rest"))
+    come_to(lines, IN_THE_MIDDLE)
+    parts = {line.now.inspection for line in lines}
+    with made.nodes[0].asleep():
+        end_well(made, lines)
+        moved = made.moved(parts)
+        assert moved
+    made.wait_for(made.nodes[0])
+    end_well(made, lines)
+    end_well(made, started(made, 6, each=0.0))
