@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+from statistics import median
 from typing import Any
 
 os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1"))
@@ -131,16 +132,15 @@ def main() -> None:
                 took.append(batch(tasks, by, out, processes))
                 print(f"{processes} process{'es' if processes > 1 else ''}: {took[-1]}", flush=True)
             assert digest(folder / f"1-{turn}") == digest(folder / f"{asked.processes}-{turn}")
-        one, two = (min(took, key=lambda each: each.alone) for took in (ones, several))
         count, frames = len(tasks), len(tasks) * asked.frames
-        print(f"{count} recordings of {asked.frames} frames, 320x240, best of {asked.rounds}, in turn")
-        print(f"  one process         {one.alone:6.1f} s, {1000 * one.alone / frames:.2f} ms a frame")
-        print(f"  {asked.processes} processes         {two.alone:6.1f} s, {one.alone / two.alone:.2f} times as quick")
-        print(f"  by the clock        {one.wall:6.1f} s and {two.wall:.1f} s, {one.wall / two.wall:.2f} times")
-        least = [min(took, key=lambda each: each.here + each.there) for took in (ones, several)]
-        alone, shared = least[0].here + least[0].there, least[1].here + least[1].there
-        print(f"  processor           {alone:6.1f} s by one, {shared:.1f} s by {asked.processes}")
-        print(f"  of it to keep results {1000 * least[1].here / count:.1f} ms a recording")
+        times = sorted(one.alone / two.alone for one, two in zip(ones, several, strict=True))
+        clock = sorted(one.wall / two.wall for one, two in zip(ones, several, strict=True))
+        kept = min(took.here for took in several)
+        print(f"{count} recordings of {asked.frames} frames, 320x240, {asked.rounds} rounds")
+        print(f"  one process                {1000 * median(each.alone for each in ones) / frames:.2f} ms a frame")
+        print(f"  {asked.processes} processes, times as quick {median(times):.2f} ({times[0]:.2f} to {times[-1]:.2f})")
+        print(f"  the same by the clock      {median(clock):.2f} ({clock[0]:.2f} to {clock[-1]:.2f})")
+        print(f"  to keep results            {1000 * kept / count:.1f} ms of the processor for each")
     finally:
         shutil.rmtree(folder)
 
