@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from fastapi.requests import Request
 from fastapi.responses import FileResponse, Response, StreamingResponse
 
@@ -10,26 +12,36 @@ from inspector.objects import NoSuchObject
 from inspector.service.files import Files, Kind
 
 BINARY = "application/octet-stream"
+_RANGE = re.compile(r"bytes=(\d{1,18})-(\d{0,18})")
 
 
 async def download(request: Request, files: Files, kind: Kind, id: str, name: str) -> Response | None:
-    """The file, by the name that browsers give it; None where it is not there. Raises ObjectError."""
+    """The file or a range of its bytes, by the name that browsers give it; None where it is not there.
+
+    Raises ObjectError.
+    """
     path = files.path(kind, id)
     if path is not None:
         return FileResponse(path, media_type=BINARY, filename=name) if await in_thread(path.is_file) else None
-    if request.method == "HEAD":
-        return await _head(files, kind, id, name)
+    headers = {"Content-Disposition": f'attachment; filename="{name}"', "Accept-Ranges": "bytes"}
+    if (wanted := _RANGE.fullmatch(request.headers.get("range", ""))) is not None:
+        return await _range(files, kind, id, int(wanted[1]), int(wanted[2]) + 1 if wanted[2] else None, headers=headers)
     try:
         size, pieces = await in_thread(files.stream, kind, id)
     except NoSuchObject:
         return None
-    return StreamingResponse(pieces, headers=_headers(name, size), media_type=BINARY)
+    return StreamingResponse(pieces, headers=headers | {"Content-Length": str(size)}, media_type=BINARY)
 
 
-async def _head(files: Files, kind: Kind, id: str, name: str) -> Response | None:
+async def _range(
+    files: Files, kind: Kind, id: str, start: int, end: int | None, *, headers: dict[str, str]
+) -> Response | None:
     size = await in_thread(files.size, kind, id)
-    return None if size is None else Response(headers=_headers(name, size), media_type=BINARY)
-
-
-def _headers(name: str, size: int) -> dict[str, str]:
-    return {"Content-Length": str(size), "Content-Disposition": f'attachment; filename="{name}"'}
+    if size is None:
+        return None
+    end = size if end is None else min(end, size)
+    if start >= end:
+        return Response(None, 416, {"Content-Range": f"bytes */{size}"})
+    _, pieces = await in_thread(files.stream, kind, id, start, end)
+    headers |= {"Content-Length": str(end - start), "Content-Range": f"bytes {start}-{end - 1}/{size}"}
+    return StreamingResponse(pieces, 206, headers, BINARY)

@@ -32,7 +32,7 @@ from obstore.store import HTTPStore, S3Store
 from inspector.errors import WorldError
 
 if TYPE_CHECKING:
-    from obstore import GetResult
+    from obstore import GetOptions, GetResult
     from obstore.store import ClientConfig, RetryConfig, S3Config
 
 _BUCKET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
@@ -151,10 +151,15 @@ class Objects:
             raise NoSuchObject(self._at(name))
         return b"", size
 
-    def stream(self, name: str) -> tuple[int, Iterator[bytes]]:
-        """Its size, and all of it in pieces. Raises NoSuchObject."""
+    def stream(self, name: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
+        """Its size, and what is in it from `start` to `end`, without that, in pieces. Raises NoSuchObject."""
+        options: GetOptions = {}
+        if end is not None:
+            options["range"] = (start, end)
+        elif start:
+            options["range"] = {"offset": start}
         with self._told(name):
-            got = obstore.get(self._store, self._key(name))
+            got = obstore.get(self._store, self._key(name), options=options)
         return got.meta["size"], self._pieces(name, got)
 
     def _pieces(self, name: str, got: GetResult) -> Iterator[bytes]:

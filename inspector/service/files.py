@@ -102,9 +102,9 @@ class Files:
         """Bytes; None where there is no such file. Raises ObjectError."""
         return self._kept.size(self._name(kind, id))
 
-    def stream(self, kind: Kind, id: str) -> tuple[int, Iterator[bytes]]:
-        """Size and pieces of a file that has no path. Raises NoSuchObject, ObjectError."""
-        return self._kept.stream(self._name(kind, id))
+    def stream(self, kind: Kind, id: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
+        """Of a file that has no path, the size, and pieces from `start` to `end`. Raises NoSuchObject, ObjectError."""
+        return self._kept.stream(self._name(kind, id), start, end)
 
     def remove(self, kind: Kind, id: str) -> None:
         """Nothing is there afterwards; it does not matter whether something was. Raises OSError, ObjectError."""
@@ -196,7 +196,7 @@ class _Kept(ABC):
     def size(self, name: str) -> int | None: ...
 
     @abstractmethod
-    def stream(self, name: str) -> tuple[int, Iterator[bytes]]: ...
+    def stream(self, name: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]: ...
 
     @abstractmethod
     def remove(self, name: str) -> None: ...
@@ -232,7 +232,7 @@ class _OnDisk(_Kept):
         path = self._root / name
         return path.stat().st_size if path.is_file() else None
 
-    def stream(self, name: str) -> tuple[int, Iterator[bytes]]:
+    def stream(self, name: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
         raise NotImplementedError("a file of this computer has a path")
 
     def remove(self, name: str) -> None:
@@ -296,8 +296,8 @@ class _InBucket(_Kept):
     def size(self, name: str) -> int | None:
         return self._objects.size(name)
 
-    def stream(self, name: str) -> tuple[int, Iterator[bytes]]:
-        return self._objects.stream(name)
+    def stream(self, name: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
+        return self._objects.stream(name, start, end)
 
     def remove(self, name: str) -> None:
         self._objects.remove(name)

@@ -58,7 +58,7 @@ class Publishing:
         Blocks. Raises NoSuchInspection, StoreError, NotWritten.
         """
         whole = self._files.whole(inspection_id)
-        found = whole if whole.exists() else recording
+        found = recording if recording.exists() else whole
         size = found.stat().st_size if found.exists() else 0
         if not size:
             there = self._files.size("inspection", inspection_id) if self._files.common and not found.exists() else None

@@ -97,6 +97,8 @@ class Service:
         await asyncio.to_thread(self._recover)
         self.events.start()
         await self.peers.start()
+        if len(self.peers.nodes) > 1 and not files.common:
+            log.warning("files", error="other services do not have what is kept in this data folder; set `files`")
         self.access = Access(store, settings.asks_for_tokens, self.now_ns)
         learners = max(1, CORES // 2)
         # Apart: what somebody waits for does not wait for what takes minutes.

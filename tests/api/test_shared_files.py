@@ -90,6 +90,12 @@ def test_a_recording_of_one_is_shown_replayed_and_sent_by_the_other(
     assert sent[0].content == sent[1].content == Objects(bucket).open(name).read()
     assert sent[1].headers["content-length"] == str(len(sent[1].content))
     assert sent[1].headers["content-disposition"] == f'attachment; filename="{result["inspection_id"]}.mcap"'
+    for start, end in ((0, 9), (100, 5000), (100, len(sent[0].content) + 7), (3, None)):
+        some = other.get(f"{at}/recording", headers={"range": f"bytes={start}-{'' if end is None else end - 1}"})
+        assert some.content == sent[0].content[start:end]
+        assert some.status_code == 206
+        assert some.headers["content-range"].startswith(f"bytes {start}-{start + len(some.content) - 1}/")
+    assert other.get(f"{at}/recording", headers={"range": "bytes=99999999-"}).status_code == 416
     shown = [client.get(f"{at}/frames/7/pictures/frame") for client in two]
     assert shown[0].content == shown[1].content
     again = other.post("/v1/replays", json={"inspection_id": result["inspection_id"]}).json()
