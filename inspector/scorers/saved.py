@@ -65,6 +65,8 @@ def save(going: Going, frames: Sequence[ScoredFrame], kept: Sequence[Frame]) -> 
 
 def resume(appearance: Appearance, policy: Policy, saved: Saved, max_pixels: int) -> Going:
     """Raises CheckpointError where that is not of this appearance and policy, or is damaged."""
+    if not saved.state:
+        raise CheckpointError("the checkpoint has lost its state, as a crash of the database may do")
     frames, kept = list[ScoredFrame](), list[Frame]()
     try:
         unpacked = zstandard.ZstdDecompressor().decompress(saved.state, max_output_size=_MAX_BYTES)

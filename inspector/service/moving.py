@@ -117,7 +117,8 @@ def restored(stored: StoredInspection, checkpoint: Checkpoint | None) -> tuple[K
     frames: list[bytes] = []
     lines: list[bytes] = []
     if checkpoint is not None:
-        kept, scorer = read_state(checkpoint.state)
+        # one that a crash of the database has lost is empty, and the scorer says so
+        kept, scorer = read_state(checkpoint.state) if checkpoint.state else (kept, b"")
         frames, lines = read_chunks(checkpoint.added)
     kept = replace(kept, starts=(*kept.starts, (stored.takes, kept.next)))
     resume: Head = {"resume": [len(scorer), *map(len, frames)]} if checkpoint is not None else {}

@@ -12,8 +12,9 @@ from typing import Any
 
 import httpx2
 import pytest
+from sqlalchemy import text
 
-from inspector.client import AbstractInspection, Client
+from inspector.client import AbstractInspection, Client, ServiceRefused
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from inspector.service import moving
@@ -21,6 +22,7 @@ from inspector.service.checkpoints import Kept, state_bytes
 from inspector.service.folder import new_id
 from inspector.service.service import HAND_OVER, Service
 from tests.api.stations import BAD, PART, PRODUCT, frames, learnt, material, picture, sweep, teach
+from tests.contracts.stores import engine
 from tests.inspector.client.served import Switch, served
 from tests.postgresql import Server
 from tests.system.test_serve import until
@@ -153,6 +155,36 @@ def test_it_goes_on_from_where_it_was_saved(
     ((_, start),) = kept(two[1][1], inspection).starts
     assert 20 <= start <= 27
     unhurt(two[1][1], inspection, said, lost=start)
+
+
+@pytest.mark.usefixtures("deaf")
+def test_what_a_crash_of_the_database_has_lost_is_told(
+    two: list[tuple[str, Service]], way: Switch, begin: Begin, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(moving, "SAVE_SECONDS", 0.05)
+    said: list[dict[str, Any]] = []
+    inspection = begin("rest", said)
+    for frame in frames()[:20]:
+        inspection.send(frame)
+    saved(two[0][1], inspection)
+    monkeypatch.setattr(moving, "SAVE_SECONDS", 1000.0)
+    running = two[0][1].inspections.find(inspection.inspection_id)
+    while running is None or running.ledger.turn.locked():
+        inspection.wait(0.02)
+    with engine(two[0][1].store).begin() as connection:
+        connection.execute(text("DELETE FROM checkpoints"))
+    way.to(two[1][0])
+
+    def go_on() -> None:
+        for frame in frames()[20:]:
+            inspection.send(frame)
+        inspection.conclude()
+
+    with pytest.raises(ServiceRefused, match="the checkpoint has lost its state"):
+        go_on()
+    stored = two[1][1].store.inspection(inspection.inspection_id)
+    assert stored.state == "failed"
+    assert "the checkpoint has lost its state" in (stored.reason or "")
 
 
 @pytest.mark.parametrize("transport", WAYS)
