@@ -42,6 +42,20 @@ class Server:
             connection.execute(f"CREATE DATABASE {name} STRATEGY file_copy".encode())
         return self.url(name)
 
+    def start(self) -> None:
+        """Return when it answers."""
+        options = " ".join(
+            ["-clisten_addresses=", f"-k{self.folder}", *(f"-c{name}={value}" for name, value in QUICKLY.items())]
+        )
+        _run(self.folder, *self._control(), f"--log={self.folder}/log", f"--options={options}", "start")
+
+    def kill(self) -> None:
+        """At once: who is connected is told nothing, and tables that are not logged are empty afterwards."""
+        _run(self.folder, *self._control(), "--mode=immediate", "stop")
+
+    def _control(self) -> list[str | Path]:
+        return [binaries() / "pg_ctl", f"--pgdata={self.folder}/data", "--wait"]
+
 
 def binaries() -> Path:
     """Where the newest server's programs are; skips the test where there are none."""
@@ -59,17 +73,14 @@ def server() -> Iterator[Server]:
     """A server, from when it answers until the end."""
     programs = binaries()
     folder = Path(tempfile.mkdtemp(prefix="pg-"))
-    control = [programs / "pg_ctl", f"--pgdata={folder}/data", "--wait"]
-    options = " ".join(
-        ["-clisten_addresses=", f"-k{folder}", *(f"-c{name}={value}" for name, value in QUICKLY.items())]
-    )
     try:
         _run(folder, programs / "initdb", f"--pgdata={folder}/data", "--auth=trust", "--username=postgres", *MADE)
+        running = Server(folder)
         try:
-            _run(folder, *control, f"--log={folder}/log", f"--options={options}", "start")
-            yield Server(folder)
+            running.start()
+            yield running
         finally:
-            _run(folder, *control, "--mode=immediate", "stop")
+            running.kill()
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

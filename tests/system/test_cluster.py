@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
+from inspector.service.heart import DEAD_SECONDS
+from inspector.stores import open_store
+from tests.postgresql import Server
 from tests.system.clustered import Cluster, cluster, until
 from tests.system.lines import IN_THE_MIDDLE, Dashboard, come_to, end_well, started
 from tests.system.rounds import round_with_a_death
@@ -60,3 +65,18 @@ def test_one_that_hangs_is_left_and_changes_nothing_when_it_wakes_up(made: Clust
     made.wait_for(made.nodes[0])
     end_well(made, lines)
     end_well(made, started(made, 6, each=0.0))
+
+
+def test_the_database_is_killed_and_comes_back_and_nothing_is_lost(made: Cluster) -> None:
+    postgresql = Server(Path(parse_qs(urlsplit(made.database).query)["host"][0]))
+    lines = started(made, 6, ("ws", "rest"))
+    come_to(lines, IN_THE_MIDDLE)
+    postgresql.kill()
+    try:
+        # Longer than a service may be silent: nobody takes the others for gone.
+        time.sleep(DEAD_SECONDS + 1)
+    finally:
+        postgresql.start()
+    end_well(made, lines)
+    with open_store(made.database) as store:
+        assert len(store.nodes()) == len(made.nodes)
