@@ -12,6 +12,8 @@ import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
+import zstandard
+
 _SIZE = struct.Struct("<I")
 
 
@@ -100,7 +102,8 @@ def read_state(data: bytes) -> tuple[Kept, bytes]:
 
 def chunk_bytes(added: Iterable[tuple[bytes, Sequence[bytes]]]) -> bytes:
     """A chunk of what was added by one cut or several: the scorer's share, and messages, one in a line."""
-    parts = [part for frames, lines in added for part in (frames, b"\n".join(lines))]
+    packed = zstandard.ZstdCompressor(level=3)
+    parts = [part for frames, lines in added for part in (frames, packed.compress(b"\n".join(lines)))]
     return b"".join(_SIZE.pack(len(part)) + part for part in parts)
 
 
@@ -112,7 +115,8 @@ def read_chunks(chunks: Iterable[bytes]) -> tuple[list[bytes], list[bytes]]:
         rest = chunk
         while rest:
             part, rest = _split(rest)
-            lines, rest = _split(rest)
+            packed, rest = _split(rest)
+            lines = zstandard.ZstdDecompressor().decompress(packed)
             frames.append(part)
             messages += lines.split(b"\n") if lines else []
     return frames, messages
