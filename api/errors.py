@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -170,15 +170,19 @@ def problem(
     return Response(body, status, {**(headers or {}), "Cache-Control": "no-store"}, PROBLEM_JSON)
 
 
-def problem_of(error: InspectionError, hidden: str = "") -> Response:
-    """What is told of an error; `hidden` is a path that strangers need not know."""
+def problem_of(error: InspectionError, hidden: Callable[[str], str] = str) -> Response:
+    """What is told of an error; `hidden` takes out of a sentence what strangers need not know."""
     found, kind = kind_of(type(error))
     headers = {"WWW-Authenticate": "Bearer"} if kind.status == 401 else {}
     if (wait := getattr(error, "retry_after", 1 if kind.status == 503 else None)) is not None:
         headers["Retry-After"] = str(wait)
-    said = str(error).replace(f"{hidden}/", "").replace(hidden, "the data folder") if hidden else str(error)
     return problem(
-        kind.status, kind.title, said, type=_slug(found.__name__), headers=headers, **getattr(error, "facts", {})
+        kind.status,
+        kind.title,
+        hidden(str(error)),
+        type=_slug(found.__name__),
+        headers=headers,
+        **getattr(error, "facts", {}),
     )
 
 
@@ -191,7 +195,7 @@ def install(app: FastAPI) -> None:
     """Every error of the app becomes a problem document."""
 
     async def ours(request: Request, error: InspectionError) -> Response:
-        answer = problem_of(error, str(request.app.state.service.settings.data.absolute()))
+        answer = problem_of(error, request.app.state.service.hidden)
         if answer.status_code >= 500:
             log.error("problem", path=request.url.path, status=answer.status_code, error=str(error))
         return answer

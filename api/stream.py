@@ -41,7 +41,7 @@ async def stream(
         await who_asks(socket, "operator")
         running = await service.inspections.attach(inspection_id)
     except InspectionError as error:
-        await socket.send_denial_response(problem_of(error))
+        await socket.send_denial_response(problem_of(error, service.hidden))
         return
     await socket.accept()
     # What another process numbered is not what this one did: then everything is told again.
@@ -130,7 +130,7 @@ class _Connection:
             # This connection ends just now, and the frame is sent again over the next one.
             return
         except InspectionError as error:
-            self._wrong(problem_of(error))
+            self._wrong(problem_of(error, self._service.hidden))
 
     def _obey(self, text: str) -> None:
         try:
@@ -150,7 +150,7 @@ class _Connection:
         except Moved:
             return
         except InspectionError as error:
-            self._wrong(problem_of(error))
+            self._wrong(problem_of(error, self._service.hidden))
 
     def _wrong(self, said: Response) -> None:
         self._say({"kind": "problem", **json.loads(bytes(said.body))})

@@ -40,7 +40,7 @@ async def track(socket: WebSocket, workspace_id: str) -> None:
         await who_asks(socket, "operator")
         trail = await service.locating.track(workspace_id)
     except InspectionError as error:
-        await socket.send_denial_response(problem_of(error))
+        await socket.send_denial_response(problem_of(error, service.hidden))
         return
     try:
         await socket.accept()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from typing import Any, TypeVar
 
@@ -21,14 +21,15 @@ from inspector.service.errors import AtCapacity, Moved, NoRecipe, NotOpen, Resum
 from inspector.service.events import Events
 from inspector.service.files import Files
 from inspector.service.folder import new_id
-from inspector.service.load import Ration, Turns
+from inspector.service.load import Ration, Turns, no_time
 from inspector.service.metrics import Metrics
 from inspector.service.moving import HandOver, Moving, restored
+from inspector.service.naming import Naming
 from inspector.service.publishing import Publishing
 from inspector.service.recognising import Recognising
 from inspector.service.running import Around, Bounds, Ended, Running
 from inspector.stores.base import AbstractStore, AlreadyConcluded, IdTaken, NoSuchInspection, NotOwner
-from inspector.stores.records import Json, Recipe, StoredInspection
+from inspector.stores.records import Recipe, StoredInspection
 from models.verdict import Policy
 
 T = TypeVar("T")
@@ -36,8 +37,6 @@ _BRIEF_SECONDS = 0.25
 _ABANDON_SECONDS = 2.0
 _STILL_SECONDS = 3.0
 _TICK_SECONDS = 1.0
-_NAMED_SECONDS = 5.0
-"""How long a result waits for the name of the part that lay there instead."""
 _FINISH_SECONDS = 5.0
 """How long what is being concluded may take when the service is stopped."""
 _FACTS = "inspection_id", "product_id", "part_id", "recipe_id", "appearance_id"
@@ -73,7 +72,7 @@ class Inspections:
         self.beside: Callable[[], Iterable[tuple[Scorer, float]]] = tuple
         """What else needs a share of the scorers' time."""
         self._store, self._files, self._events, self._metrics = store, files, events, metrics
-        self._recognising = recognising
+        self._naming = Naming(recognising, files, self._keep)
         self._max, self._idle_seconds = max_inspections, idle_seconds
         self._around = Around(bounds, events, metrics, lambda: self.pool.waiting_bytes, store.shared)
         self._node_id = node_id
@@ -294,7 +293,7 @@ class Inspections:
         # Chosen now, and pinned before anybody else has a turn.
         scorer = self.pool.least() or self.pool.scorers[0]
         running = Running(facts, scorer, self._around)
-        running.doubted = partial(self._recognise, running)
+        running.doubted = partial(self._naming.ask, running)
         return running
 
     async def _ready(
@@ -350,7 +349,7 @@ class Inspections:
 
     async def _finish(self, running: Running, reason: str | None) -> Ended:
         try:
-            ended = running.stored = running.stored or await self._named(running, await running.ended)
+            ended = running.stored = running.stored or await self._naming.named(running, await running.ended)
         except Moved:
             await self._drop(running, running.lost_because or "")
             raise
@@ -375,35 +374,7 @@ class Inspections:
         with suppress(WorldError):
             path = await in_thread(self._files.local_appearance, appearance_id)
             self.pool.load(appearance_id, str(path))
-            await in_thread(self._recognising.prepare)
-
-    def _recognise(self, running: Running, pictures: Sequence[bytes]) -> None:
-        """Ask, beside everything else, what lies there instead."""
-        running.recognised = self._keep(self._recognised(running, pictures))
-
-    async def _recognised(self, running: Running, pictures: Sequence[bytes]) -> Json | None:
-        product_id, appearance_id = running.product_id, running.facts["appearance_id"]
-        try:
-            found = await in_thread(self._recognising.recognise, product_id, appearance_id, pictures)
-        except WorldError as error:
-            self._log.warning("recognise", **running.facts, error=self._files.hidden(str(error)))
-            return None
-        if found is not None and running.phase != "ended":
-            running.tell("recognised", found)
-        return found
-
-    async def _named(self, running: Running, ended: Ended) -> Ended:
-        """With what lies there instead, where somebody looks for it; a desk that is too busy is not waited for long."""
-        result = ended.result
-        if running.recognised is None or not ended.doubted:
-            return ended
-        with suppress(TimeoutError):
-            found = await asyncio.wait_for(asyncio.shield(running.recognised), _NAMED_SECONDS)
-            if found is not None:
-                known = {name: value for name, value in found.items() if name != "sentence"}
-                reasons = [found["sentence"], *result["reasons"]]
-                return replace(ended, result=result | {"recognised": known, "reasons": reasons})
-        return ended
+            await self._naming.prepare()
 
     async def _bereave(self, running: Running) -> None:
         """Its scorer is gone: it goes on from what was saved, or failed. Raises Moved, ScorerLost."""
@@ -480,15 +451,8 @@ class Inspections:
         count = len(self._running) + self._beginning
         if count >= self._max:
             return f"{count} are running, {self._max} are allowed"
-        needed = dict.fromkeys(self.pool.scorers, 0.0)
-        for running in self._running.values():
-            needed[running.scorer] += running.load.share
-        one_more = sum(needed.values()) / max(count, 1)
-        for scorer, share in self.beside():
-            needed[scorer] += share
-        if count and min(needed.values()) + one_more > 1.0:
-            return f"the {count} that are running need {sum(needed.values()) / len(needed):.0%} of the scorers' time"
-        return None
+        shares = [(running.scorer, running.load.share) for running in self._running.values()]
+        return no_time(count, shares, self.beside(), self.pool.scorers)
 
     async def _tick(self) -> None:
         """Once a second: what is idle is aborted, what could not be stored is tried again."""

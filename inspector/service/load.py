@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterable, Sequence
+
+from inspector.scorers.pool import Scorer
 
 _SEARCHING = 10
 _PICTURES = 80.0
@@ -40,6 +43,28 @@ class Load:
         self._frames += 1
         if self._frames > _SEARCHING:
             self._work = _mean(self._work, seconds)
+
+
+def no_time(
+    count: int,
+    inspections: Iterable[tuple[Scorer, float]],
+    beside: Iterable[tuple[Scorer, float]],
+    scorers: Sequence[Scorer],
+) -> str | None:
+    """Why one more inspection could not be scored in time, where `count` run or begin; None where it could.
+
+    Shares of the time of scorers: what inspections need, one more of which needs as much as they do on average, and
+    what else needs some.
+    """
+    needed = dict.fromkeys(scorers, 0.0)
+    for scorer, share in inspections:
+        needed[scorer] += share
+    one_more = sum(needed.values()) / max(count, 1)
+    for scorer, share in beside:
+        needed[scorer] += share
+    if count and min(needed.values()) + one_more > 1.0:
+        return f"the {count} that are running need {sum(needed.values()) / len(needed):.0%} of the scorers' time"
+    return None
 
 
 class Turns:

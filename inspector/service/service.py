@@ -207,6 +207,10 @@ class Service:
         lame = [f"{len(dead)} of {self.settings.scorers} processes that score are being started again"] if dead else []
         return [*await asyncio.to_thread(self._troubles), *self.peers.troubles(), *lame]
 
+    def hidden(self, said: str) -> str:
+        """A sentence without the places of folders, for strangers."""
+        return self.files.hidden(said) if hasattr(self, "files") else said
+
     def _facts(self) -> Json:
         """What other services are told of this one."""
         return self.inspections.station if self.started else {}
