@@ -55,9 +55,10 @@ class Endings:
             there = [(place, start) for _, start, place in found if place is not None]
             if there:
                 join_parts([place for place, _ in there], [start for _, start in there], out)
-            for take, _, _ in found:
-                remove(self._files.tape(inspection_id, take))
             self._publishing.keep(inspection_id, out, "; ".join(notes) or None)
+            for take, _, _ in found:
+                if (tape := self._files.tape(inspection_id, take)) != self._files.whole(inspection_id):
+                    remove(tape)
             self._forget(inspection_id, [take for take, _, _ in found])
         except (WorldError, OSError) as error:
             _log.error("recording", inspection_id=inspection_id, state="not joined", error=str(error))

@@ -21,7 +21,6 @@ _log = structlog.get_logger("inspector")
 _FIRST_WAIT, _LONGEST_WAIT = 0.5, 30.0
 """Seconds until it is tried again."""
 _CLOSING_SECONDS = 10.0
-_CUT_OFF = "the service that recorded it ended before the sweep did: the rest is missing"
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ class Publishing:
             self._thread.join(_CLOSING_SECONDS)
 
     def _take_up(self, stored: StoredInspection, take: int | None, path: Path) -> None:
-        """A file that an earlier run of this service left."""
+        """A file that an earlier run of this service left; what else there may be is mended later."""
         inspection_id, running = stored.inspection_id, stored.state == "processing"
         if take is None and not running:
             note = stored.recording_note
@@ -92,10 +91,11 @@ class Publishing:
             # For whoever has it now, and concludes it.
             with suppress(WorldError):
                 self._files.publish(path, "part", f"{inspection_id}.{take}")
-        elif stored.recording == "none":
-            self.keep(inspection_id, path, _CUT_OFF)
-        else:
-            _log.warning("recording", inspection_id=inspection_id, state="not joined", file=path.name)
+
+    def has(self, inspection_id: str) -> bool:
+        """Whether that recording waits here."""
+        with self._changed:
+            return inspection_id in self._waiting
 
     def _hand_in(self, inspection_id: str, what: _Waiting) -> None:
         with self._changed:

@@ -93,6 +93,10 @@ def tidy(
     def remove(recording: StoredRecording, why: str) -> None:
         try:
             files.remove("inspection", recording.inspection_id)
+            takes = store.inspection(recording.inspection_id).takes
+            for take in range(takes + 1) if takes else ():
+                # One that came too late to be joined.
+                files.remove("part", f"{recording.inspection_id}.{take}")
         except (OSError, ObjectError) as error:
             said = getattr(error, "strerror", None) or error
             failures.append(f"recording {recording.inspection_id} cannot be removed: {said}")

@@ -20,6 +20,7 @@ from inspector.service.inspections import Inspections
 from inspector.service.jobs import Jobs
 from inspector.service.learning import Learning
 from inspector.service.locating import Locating
+from inspector.service.mending import Mending
 from inspector.service.metrics import Metrics
 from inspector.service.peers import Peers
 from inspector.service.pictures import Pictures
@@ -49,6 +50,7 @@ class Service:
     folder: DataFolder
     files: Files
     publishing: Publishing
+    mending: Mending
     store: AbstractStore
     peers: Peers
     access: Access
@@ -132,6 +134,7 @@ class Service:
         self.pictures = Pictures(store, files, showing)
         self.trends = Trends(store, looking)
         self.publishing = Publishing(store, files, self.metrics)
+        self.mending = Mending(store, files, self.publishing)
         self.inspections = Inspections(
             store,
             files,
@@ -183,6 +186,7 @@ class Service:
                 await asyncio.wait_for(self._stopping.wait(), _HOUSEKEEPING_SECONDS)
 
     def _tidy_alone(self) -> None:
+        self.mending.mend(self.now_ns(), self.settings.keep_days)
         with self.store.only_one("housekeeping") as mine:
             if mine:
                 self._tidy()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from urllib.request import Request, urlopen
 
@@ -15,16 +15,20 @@ from inspector.errors import OutputExists
 from inspector.files import NotWritten
 from inspector.locations import open_location
 from inspector.objects import NoSuchObject, ObjectError, Objects, ObjectTaken, beneath
+from inspector.recording import SweepReader, SweepWriter
 from inspector.service import publishing
 from inspector.service.files import FileDamaged, Files
 from inspector.service.folder import DataFolder, NoFileId, new_id
+from inspector.service.mending import Mending
 from inspector.service.metrics import Metrics
 from inspector.service.publishing import Publishing
 from inspector.service.service import Service
 from inspector.settings import Settings
 from inspector.stores import AbstractStore, open_store
 from inspector.stores.records import StoredAppearance
+from models.frame import Frame
 from tests.buckets import Buckets
+from tests.inspector.recordings import frame, same
 
 A = "0123456789abcdef" * 2
 
@@ -159,6 +163,7 @@ class Station:
     def __init__(self, store: AbstractStore, files: Files) -> None:
         self.store, self.files, self.metrics = store, files, Metrics()
         self.publishing = Publishing(store, files, self.metrics)
+        self.mending = Mending(store, files, self.publishing)
         store.ensure_product("plate", 0)
         store.add_appearance(StoredAppearance("a", "plate", 0, (), {}, (), 0))
 
@@ -256,19 +261,85 @@ def test_the_next_start_takes_up_what_was_left(
     # Killed before its thread came to it.
     before.publishing.keep(whole, path, "a note")
     running, _ = before.begin(1)
-    gone, _ = before.begin(2)
-    before.end(gone)
-    store.set_recording(gone, "none")
     after = Station(store, Files(folder, url))
     after.publishing.start()
     assert after.when_kept(whole) == ("kept", 8, "a note")
     assert after.files.size("part", f"{running}.1") == 8
-    kept, size, note = after.when_kept(gone)
-    assert (kept, size) == ("kept", 8)
-    assert note is not None
-    assert "the rest is missing" in note
     assert after.files.left() == ()
     after.publishing.close()
+
+
+def taken(path: Path, those: Iterable[Frame], *, closed: bool = True) -> None:
+    """What one service recorded of an inspection; one that was killed did not close it."""
+    path.unlink(missing_ok=True)
+    with SweepWriter(path) as writer:
+        for each in those:
+            writer.write(each)
+        writer.flush()
+        flushed = path.read_bytes()
+    if not closed:
+        path.write_bytes(flushed)
+
+
+LATER = 61_000_000_000
+"""When nobody is busy any more with what ended a nanosecond after the beginning of time."""
+
+
+def test_a_recording_whose_end_was_cut_off_is_put_together_of_its_parts(files: Files, store: AbstractStore) -> None:
+    station = Station(store, files)
+    station.publishing.start()
+    id, _ = station.begin(1)
+    taken(files.tape(id, 1), [frame(n) for n in range(4, 9)], closed=False)
+    first = files.incoming()
+    # The service that was killed had recorded more than it had saved.
+    taken(first, [frame(n) for n in range(6)])
+    files.publish(first, "part", f"{id}.0")
+    store.take_inspection(id, "the second one")
+    store.conclude_inspection(
+        id, "completed", verdict="OK", ended_ns=1, result=None, scores=None, node="the second one"
+    )
+    station.mending.mend(LATER - 1_000_000_000, 30)
+    assert station.state(id)[0] == "being written"
+    station.mending.mend(LATER, 30)
+    kept, _, note = station.when_kept(id)
+    assert (kept, note) == ("kept", "put together after a crash: frames may be missing")
+    there = list(SweepReader(files.place("inspection", id)))
+    assert [each.sequence for each in there] == list(range(9))
+    assert all(same(each, each.sequence) for each in there)
+    assert files.left() == ()
+    assert [files.size("part", f"{id}.{take}") for take in range(2)] == [None, None]
+    station.mending.mend(LATER, 30)
+    assert station.state(id)[0] == "kept"
+    station.publishing.close()
+
+
+def test_what_was_left_of_an_inspection_that_others_gave_up_is_its_recording(
+    files: Files, store: AbstractStore
+) -> None:
+    station = Station(store, files)
+    station.publishing.start()
+    id, _ = station.begin(1)
+    taken(files.tape(id, 1), [frame(n) for n in range(5)], closed=False)
+    station.end(id)
+    store.set_recording(id, "none")
+    station.mending.mend(LATER, 30)
+    assert station.when_kept(id)[0] == "kept"
+    assert len(list(SweepReader(files.place("inspection", id)))) == 5
+    station.publishing.close()
+
+
+def test_what_could_not_be_joined_stays_as_long_as_the_recording(files: Files, store: AbstractStore) -> None:
+    station = Station(store, files)
+    running, _ = station.begin(1)
+    id, path = station.begin(1)
+    station.end(id)
+    store.set_recording(id, "kept", 8)
+    station.mending.mend(LATER, 30)
+    assert path.exists()
+    store.set_recording(id, "removed")
+    station.mending.mend(LATER, 30)
+    assert not path.exists()
+    assert files.tape(running, 1).exists()
 
 
 def test_a_full_or_missing_folder_is_told(tmp_path: Path, node: Callable[[str], DataFolder]) -> None:
