@@ -38,7 +38,7 @@ EXECUTORS = {
     "ray": "ray://auto or ray://HOST:PORT, a Ray cluster",
 }
 _EXTRA = {"dask": "dask", "ray": "cluster"}
-_AHEAD = 2
+_AHEAD = 4
 """Pieces of work handed out for each worker."""
 _PATIENCE = 10
 """Seconds that a cluster may take to answer."""
