@@ -163,6 +163,8 @@ class Scorer:
                 return
             self.restarts += 1
             await asyncio.sleep(_REST_SECONDS)
+            if self._stopping:
+                return
             await self._spawn()
 
     def _hear(self, head: Head, body: bytes) -> None:
@@ -196,6 +198,9 @@ class Scorer:
             limit=_PIPE_BYTES,
             env={**os.environ, **threads},
         )
+        if self._stopping and self._process.stdin is not None:
+            # while it was being started; `stop` has closed that of the one before
+            self._process.stdin.close()
 
 
 class Pool:

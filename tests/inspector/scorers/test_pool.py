@@ -18,6 +18,7 @@ from inspector.pictures import encode_jpeg
 from inspector.recorder import record
 from inspector.recording import SweepReader
 from inspector.replay import replay
+from inspector.scorers import pool as module
 from inspector.scorers.pool import Pool
 from inspector.scorers.wire import Head
 from models.appearance import Appearance
@@ -26,6 +27,7 @@ from models.frame import Frame
 LINE = "simulated:?frames=40&size=240x180&part=plate&path=line"
 MAX_PIXELS = 320 * 240
 PATIENCE = 60
+REST = module._REST_SECONDS
 
 
 class Heard:
@@ -203,6 +205,25 @@ def test_a_scorer_that_dies_says_so_and_is_started_again(tmp_path: Path):
     why, restarts = with_pool(work)
     assert "ended unexpectedly (code -9)" in why
     assert restarts == 1
+
+
+@pytest.mark.parametrize("later", [0.0, REST + 0.02], ids=["before the next is started", "while the next is started"])
+def test_a_pool_stops_where_a_scorer_has_just_died(later: float, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(module, "_PATIENCE_SECONDS", 1000 * PATIENCE)
+
+    async def work() -> None:
+        pool = Pool(1, MAX_PIXELS)
+        await pool.start()
+        (scorer,) = pool.scorers
+        assert scorer.pid is not None
+        os.kill(scorer.pid, signal.SIGKILL)
+        while not scorer.restarts:
+            await asyncio.sleep(0.001)
+        await asyncio.sleep(later)
+        await asyncio.wait_for(pool.stop(), PATIENCE)
+        assert not scorer.alive
+
+    asyncio.run(work())
 
 
 def test_an_appearance_that_is_not_the_one_that_was_meant_is_told(tmp_path: Path):
