@@ -39,14 +39,12 @@ def another_part_first() -> list[Frame]:
 
 SWEEPS = {
     "a defect": lambda: [*frames()],
-    "good": lambda: [*frames("unit=3&seed=3")],
     "another part": another_part,
     "another part first": another_part_first,
 }
 
 TOLD = {
     "a defect": {"deviation_opened", "early_ng"},
-    "good": {"scored"},
     "another part": {"early_invalid"},
     "another part first": {"early_invalid", "part_found"},
 }
