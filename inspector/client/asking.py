@@ -20,8 +20,11 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 2.0
 BUSY = 503
 _GATEWAY = (502, 504)
 """Said by what stands between, where the service is being started again."""
+_BROKE_OFF = 500
+"""Without a problem document: not the service's word, but of one that stands between, and lost it in the middle."""
 _TOO_EARLY = 409
 """With `Retry-After`: the same request is being answered."""
+_FULL = "urn:inspector:at-capacity"
 _ABSENT = (httpx2.ConnectError, httpx2.ConnectTimeout)
 
 
@@ -71,11 +74,15 @@ class Asker:
         self._reached = False
         self._http = httpx2.Client(timeout=timeout, verify=self.tls or False, trust_env=False, follow_redirects=False)
 
-    def of_session(self, session_id: str) -> Asker:
-        """The same, over the same connections, for one inspection: every request says which."""
+    def of_session(self) -> Asker:
+        """The same, over the same connections, for one inspection: every request says which, by an id chosen here."""
         asker = copy(self)
-        asker.headers = self.headers | {"X-Session-Id": session_id}
+        asker.choose_session()
         return asker
+
+    def choose_session(self) -> None:
+        """Another id: what stands before several services finds one by it."""
+        self.headers = self.headers | {"X-Session-Id": uuid4().hex}
 
     def patience(self) -> Patience:
         """A new one."""
@@ -89,14 +96,22 @@ class Asker:
         """An order that is carried out once, however often it has to be sent. Answers and raises as `get` does."""
         return self.told(self.ask("POST", path, json=body, headers={"Idempotency-Key": key or uuid4().hex}), *names)
 
+    def open_session(self, path: str, body: Mapping[str, object], *names: str) -> dict[str, Any]:
+        """The same, for the order that begins the session; where its service is full, by another id at another one."""
+        request: dict[str, Any] = {"json": body, "headers": {"Idempotency-Key": uuid4().hex}}
+        return self.told(self.ask("POST", path, full=self.choose_session, **request), *names)
+
     def post_once(self, path: str, *names: str, **request: Any) -> dict[str, Any]:
         """An order that is sent once only. Answers and raises as `get` does."""
         return self.told(self._try("POST", path, **request), *names)
 
-    def ask(self, method: str, path: str, **request: Any) -> httpx2.Response:
+    def ask(
+        self, method: str, path: str, *, full: Callable[[], object] | None = None, **request: Any
+    ) -> httpx2.Response:
         """The answer, whatever it is; asked again where there is none, or the service is busy.
 
-        Where nobody ever was there, nobody is waited for. Raises ServiceUnreachable.
+        Where there is no room for one more inspection, `full` is called, and it is asked again soon. Where nobody ever
+        was there, nobody is waited for. Raises ServiceUnreachable.
         """
         patience = self.patience()
         while True:
@@ -107,7 +122,11 @@ class Asker:
                 if absent or not patience.again():
                     raise
                 continue
-            if not _comes_later(response) or not patience.again(_retry_after(response.headers)):
+            wait = _retry_after(response.headers)
+            if full is not None and _is_full(response):
+                full()
+                wait = None
+            if not _comes_later(response) or not patience.again(wait):
                 return response
 
     def told(self, response: httpx2.Response, *names: str) -> dict[str, Any]:
@@ -143,7 +162,13 @@ class Asker:
 
 def _comes_later(response: httpx2.Response) -> bool:
     status = response.status_code
+    if status == _BROKE_OFF:
+        return "problem+json" not in response.headers.get("content-type", "")
     return status == BUSY or status in _GATEWAY or (status == _TOO_EARLY and "retry-after" in response.headers)
+
+
+def _is_full(response: httpx2.Response) -> bool:
+    return response.status_code == BUSY and (_object(response.content) or {}).get("type") == _FULL
 
 
 def _retry_after(headers: Mapping[str, str]) -> float | None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 from urllib.parse import quote
-from uuid import uuid4
 
 from inspector.client.asking import Asker
 from inspector.client.base import AbstractInspection, OnMessage
@@ -56,9 +55,8 @@ class Client:
         frames. Raises ServiceUnreachable, ServiceRefused, NotUnderstood, as everything here does.
         """
         asked = {"product_id": product_id, "part_id": part_id, "recipe_id": recipe_id}
-        # Chosen here: what stands before several processes finds by it the one that has the inspection.
-        asker = self._asker.of_session(uuid4().hex)
-        begun = asker.post("/v1/inspections", asked, "inspection_id", "recipe_id", "appearance_id")
+        asker = self._asker.of_session()
+        begun = asker.open_session("/v1/inspections", asked, "inspection_id", "recipe_id", "appearance_id")
         return TRANSPORTS[transport](asker, begun, on_message)
 
     def upload_sweep(self, path: Path | str, product_id: str, part_id: str | None = None) -> str:

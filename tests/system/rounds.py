@@ -21,7 +21,7 @@ def round_with_a_death(made: Cluster, boards: Sequence[Dashboard], kill: Callabl
     before = started(made, 4, each=0.0)
     end_well(made, before)
     assert all(board.ready.wait(30) for board in boards)
-    lines = started(made, STREAMS)
+    lines = started(made, STREAMS, ("ws", "rest"))
     come_to(lines, IN_THE_MIDDLE)
     parts = [line.now for line in lines]
     inspections = {part.inspection for part in parts}

@@ -288,8 +288,8 @@ def answering(*answers: tuple[int, dict[str, str], bytes]) -> Iterator[tuple[str
             thread.join()
 
 
-def problem(status: int, **headers: str) -> tuple[int, dict[str, str], bytes]:
-    said = {"type": "urn:inspector:busy", "title": "No room", "status": status, "detail": "3 frames wait already"}
+def problem(status: int, type: str = "urn:inspector:busy", **headers: str) -> tuple[int, dict[str, str], bytes]:
+    said = {"type": type, "title": "No room", "status": status, "detail": "3 frames wait already"}
     return status, {name.replace("_", "-"): value for name, value in headers.items()}, json.dumps(said).encode()
 
 
@@ -300,17 +300,29 @@ SCORED = (200, {}, b'{"n": 0, "kind": "scored", "sequence": 0}')
 def test_who_is_busy_is_asked_again_when_they_said() -> None:
     clock = Time()
     busy = [problem(503, Retry_After="5"), problem(503), (502, {}, b"<html>"), problem(409, Retry_After="1")]
+    busy.append((500, {}, b"Internal Server Error"))
     answers = (*busy, BEGUN, problem(503, Retry_After="2"), SCORED)
     with answering(*answers) as (url, asked), Client(url, clock=clock, sleep=clock.sleep) as client:
         inspection = begin(client, transport="rest")
         inspection.send(frames()[0])
-    assert clock.waits == pytest.approx([5, 0.1, 0.2, 1, 2])
+    assert clock.waits == pytest.approx([5, 0.1, 0.2, 1, 0.8, 2])
     assert inspection.counts == {"scored": 1}
     keys = {headers["idempotency-key"] for path, headers in asked if path == "/v1/inspections"}
     assert len(keys) == 1, "the same order each time: it begins one inspection"
     posts = [path for path, _ in asked if path.startswith("/v1/inspections/i/frames?")]
     assert len(posts) == 2
     assert len(set(posts)) == 1
+
+
+def test_where_one_service_is_full_another_id_is_tried_at_once() -> None:
+    clock = Time()
+    full = problem(503, type="urn:inspector:at-capacity", Retry_After="5")
+    with answering(full, full, BEGUN, SCORED) as (url, asked), Client(url, clock=clock, sleep=clock.sleep) as client:
+        begin(client, transport="rest").send(frames()[0])
+    assert clock.waits == pytest.approx([0.1])
+    ids = [headers["x-session-id"] for _, headers in asked]
+    assert len({*ids[:3]}) == 3
+    assert ids[3] == ids[2], "it stays with the one that had room"
 
 
 def test_who_is_busy_for_too_long_has_refused() -> None:
