@@ -12,10 +12,16 @@ from tests.system.lines import IN_THE_MIDDLE, Dashboard, come_to, end_well, star
 STREAMS, TOLD_SECONDS = 16, 5.0
 
 
-def round_with_a_death(made: Cluster, boards: Sequence[Dashboard], kill: Callable[[], None], folder: Path) -> set[str]:
+def round_with_a_death(
+    made: Cluster,
+    boards: Sequence[Dashboard],
+    kill: Callable[[], None],
+    folder: Path,
+    told_seconds: float = TOLD_SECONDS,
+) -> set[str]:
     """Of two services one is killed while both have streams; these. Every dashboard has seen all of them begin.
 
-    The streams of the other lose no frame and do not move; its own go on within five seconds; all come out as their
+    The streams of the other lose no frame and do not move; its own go on within `told_seconds`; all come out as their
     recordings do, and what was concluded before is there.
     """
     before = started(made, 4, each=0.0)
@@ -35,7 +41,7 @@ def round_with_a_death(made: Cluster, boards: Sequence[Dashboard], kill: Callabl
     assert moved in [{each for each in owners if owners[each] == owner} for owner in owners.values()]
     silences = {part.inspection: part.silence(killed) for part in parts}
     print(f"{len(moved)} of {len(parts)} moved; first words after {max(silences[each] for each in moved):.2f} s")
-    assert max(silences.values()) < TOLD_SECONDS
+    assert max(silences.values()) < told_seconds
     for part in parts:
         part.check_recording(made, folder, lost=part.inspection in moved)
     end_well(made, before)
