@@ -13,7 +13,7 @@ from tests.system.ray_serve import ray_serve
 from tests.system.rounds import round_with_a_death
 
 TOLD_SECONDS = 20.0
-"""One to three where nobody else needs the two processors; Ray starts another replica on them at the same time."""
+"""Three were measured, six where many used the two processors: Ray starts another replica on them meanwhile."""
 pytestmark = pytest.mark.cluster
 
 
