@@ -121,7 +121,7 @@ def test_it_goes_on_where_it_was_cut_off(archive: Path, line: Line, tmp_path: Pa
 
 
 class Killing(Executor):
-    """Kills the worker that has the recording with the spot in work, the first time."""
+    """Kills the worker that has the second recording in work, the first time."""
 
     def __init__(self, workers: Executor, marks: Path) -> None:
         self._workers, self._marks = workers, marks
@@ -131,7 +131,7 @@ class Killing(Executor):
 
 
 def killed_once(task: Task, marks: Path, work: Callable[..., Outcome], by: By) -> Outcome:
-    if task.name == "b/spot" and not (marks / "died").exists():
+    if task.name == "a/good-again" and not (marks / "died").exists():
         (marks / "died").touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return work(task, by)
