@@ -17,8 +17,10 @@ from inspector.stores.base import AbstractStore, NoSuch
 from inspector.stores.records import StoredInspection
 
 _log = structlog.get_logger("inspector")
-_GRACE_NS = 60_000_000_000
-"""So long after its end somebody may still be busy with a recording."""
+_BUSY_NS = 60_000_000_000
+"""So long after the end of an inspection somebody may still be busy with its recording."""
+_ALL_NS = 720_000_000_000
+"""After so long, every service that lives has mended twice, and handed on what it had."""
 _MENDED = "put together after a crash: frames may be missing"
 
 
@@ -36,12 +38,12 @@ class Mending:
         for inspection_id, take, path in self._files.left():
             with suppress(NoSuch):
                 stored = self._store.inspection(inspection_id)
-                if take is not None and _over(stored, now_ns):
+                if take is not None and _over(stored, now_ns, _BUSY_NS):
                     self._settle(stored, take, path, now_ns - (stored.ended_ns or 0) > keep_days * DAY_NS)
         with self._store.only_one("mending") as mine:
             for left in self._store.recordings("being written") if mine or not self._files.common else ():
                 stored = self._store.inspection(left.inspection_id)
-                if _over(stored, now_ns) and not self._publishing.has(stored.inspection_id):
+                if _over(stored, now_ns, _ALL_NS) and not self._publishing.has(stored.inspection_id):
                     self._put_together(stored)
 
     def _settle(self, stored: StoredInspection, take: int, path: Path, is_old: bool) -> None:
@@ -63,18 +65,17 @@ class Mending:
             out = self._files.incoming()
             join_parts([*begins], [0, *[*begins.values()][1:]], out)
             self._publishing.keep(inspection_id, out, _MENDED)
-        elif not self._files.common and self._files.size("inspection", inspection_id):
-            self._publishing.keep(inspection_id, self._files.whole(inspection_id), _MENDED)
-        else:
-            # Elsewhere: at a service that does not run, or that cannot bring it away.
-            return
-        _log.warning("recording", inspection_id=inspection_id, state="kept", note=_MENDED)
+            _log.warning("recording", inspection_id=inspection_id, state="kept", note=_MENDED)
+        elif self._files.size("inspection", inspection_id):
+            # In its place, and only the store was not told.
+            self._publishing.keep(inspection_id, self._files.whole(inspection_id), stored.recording_note)
+        # Else it is elsewhere: at a service that does not run, or that cannot bring it away.
         for part in parts:
             self._files.remove("part", part)
 
 
-def _over(stored: StoredInspection, now_ns: int) -> bool:
-    return stored.state != "processing" and stored.ended_ns is not None and now_ns - stored.ended_ns > _GRACE_NS
+def _over(stored: StoredInspection, now_ns: int, for_ns: int) -> bool:
+    return stored.state != "processing" and stored.ended_ns is not None and now_ns - stored.ended_ns > for_ns
 
 
 def _begin(place: str) -> int | None:

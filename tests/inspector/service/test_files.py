@@ -281,7 +281,7 @@ def taken(path: Path, those: Iterable[Frame], *, closed: bool = True) -> None:
         path.write_bytes(flushed)
 
 
-LATER = 61_000_000_000
+LATER = 721_000_000_000
 """When nobody is busy any more with what ended a nanosecond after the beginning of time."""
 
 
@@ -311,6 +311,16 @@ def test_a_recording_whose_end_was_cut_off_is_put_together_of_its_parts(files: F
     station.mending.mend(LATER, 30)
     assert station.state(id)[0] == "kept"
     station.publishing.close()
+
+
+def test_a_recording_that_is_in_its_place_is_kept_even_if_nobody_said_so(files: Files, store: AbstractStore) -> None:
+    station = Station(store, files)
+    id, path = station.begin()
+    station.end(id)
+    store.set_recording(id, "being written", 8, "a note")
+    files.publish(path, "inspection", id)
+    station.mending.mend(LATER, 30)
+    assert station.state(id) == ("kept", 8, "a note")
 
 
 def test_what_was_left_of_an_inspection_that_others_gave_up_is_its_recording(
