@@ -22,6 +22,8 @@ def test_a_replica_is_killed_and_every_line_goes_on_and_a_dashboard_on_either_se
         # Which replica a dashboard is on, its key says: of so many, some are on either.
         boards = [Dashboard(made.url, made.token, **{"X-Session-Id": uuid4().hex}) for _ in range(6)]
         gone, stays = ray.replicas()
-        round_with_a_death(made, boards, lambda: ray.kill(gone), tmp_path, TOLD_SECONDS)
+        round_with_a_death(
+            made, boards, lambda: ray.kill(gone), tmp_path, told_seconds=TOLD_SECONDS, each=0.25, replaced=True
+        )
         until(lambda: len(ray.replicas()) == 2, lambda: "Ray starts no other replica")
         assert stays in ray.replicas()
