@@ -164,7 +164,8 @@ def end_well(front: Front, lines: Sequence[Line]) -> None:
 
 def well(lines: Sequence[Line]) -> None:
     """Nothing was raised in any line."""
-    assert [line.went_wrong for line in lines if line.went_wrong] == []
+    wrong = [repr(line.went_wrong) for line in lines if line.went_wrong]
+    assert not wrong, wrong
 
 
 @cache
