@@ -124,10 +124,15 @@ class Switch:
                     near, _ = self._listening.accept()
                 except OSError:
                     return
-                far = socket.create_connection(("127.0.0.1", int(self._to.rpartition(":")[2])))
+                threads.enter_context(near)
+                try:
+                    far = socket.create_connection(("127.0.0.1", int(self._to.rpartition(":")[2])))
+                except OSError:
+                    # Nobody is there just now: said as a port would say it that leads nowhere.
+                    _cut(near)
+                    continue
+                threads.enter_context(far)
                 self._open += [near, far]
-                for each in (near, far):
-                    threads.enter_context(each)
                 for one, other in ((near, far), (far, near)):
                     thread = threading.Thread(target=_carried, args=(one, other))
                     thread.start()
