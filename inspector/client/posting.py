@@ -24,24 +24,24 @@ class PostedInspection(AbstractInspection):
     def _send(self, sent: SentFrame) -> None:
         if self._held.saves:
             self._held.add(sent.sequence, sent.to_bytes())
-        try:
-            self._post(sent)
-        except ServiceRefused as error:
-            if error.kind != RESUME_FROM:
-                raise
-            self._resume(error.facts["next_sequence"])
+        self._post_all(deque([sent]))
 
     def _resume(self, sequence: int) -> None:
-        again = deque(self._held.since(sequence).values())
-        while again:
+        self._post_all(self._again(sequence))
+
+    def _again(self, sequence: int) -> deque[SentFrame]:
+        return deque(map(SentFrame.from_bytes, self._held.since(sequence).values()))
+
+    def _post_all(self, frames: deque[SentFrame]) -> None:
+        """One after the other; those before them first, where they were lost with a process of the service."""
+        while frames:
             try:
-                self._post(SentFrame.from_bytes(again[0]))
-                again.popleft()
+                self._post(frames[0])
+                frames.popleft()
             except ServiceRefused as error:
                 if error.kind != RESUME_FROM:
                     raise
-                # One more process was lost meanwhile.
-                again = deque(self._held.since(error.facts["next_sequence"]).values())
+                frames = self._again(error.facts["next_sequence"])
 
     def _post(self, sent: SentFrame) -> None:
         numbers = {"sequence": sent.sequence, "t_ns": sent.t_ns, "encoder": sent.encoder}
