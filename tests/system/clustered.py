@@ -84,10 +84,16 @@ class Node:
         made.get("/v1/products")
         return self._requests() > before
 
+    def inspections(self) -> float:
+        """How many it has in processing."""
+        return self._counted("inspector_inspections_running")
+
     def _requests(self) -> float:
+        return self._counted("inspector_requests_total", "/v1/products")
+
+    def _counted(self, metric: str, label: str = "") -> float:
         rows = httpx2.get(f"{self.url}/metrics").text.splitlines()
-        asked = [row for row in rows if row.startswith("inspector_requests_total") and "/v1/products" in row]
-        return sum(float(row.split()[-1]) for row in asked)
+        return sum(float(row.split()[-1]) for row in rows if row.startswith(metric) and label in row)
 
     def end(self) -> None:
         """Whatever state it is in."""
