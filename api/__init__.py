@@ -1,1 +1,1 @@
-"""How one asks: the service (brought by a later issue)."""
+"""How one asks: the service over HTTP, its routes, and the dashboard."""

@@ -7,11 +7,11 @@ import re
 from fastapi.requests import Request
 from fastapi.responses import FileResponse, Response, StreamingResponse
 
+from api.bodies import BINARY
 from api.deps import in_thread
 from inspector.objects import NoSuchObject
 from inspector.service.files import Files, Kind
 
-BINARY = "application/octet-stream"
 _RANGE = re.compile(r"bytes=(\d{1,18})-(\d{0,18})")
 
 

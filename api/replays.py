@@ -11,8 +11,8 @@ from fastapi.responses import Response
 from pydantic import Field, RootModel, model_validator
 
 from api.deps import IDENTITY, Done, Engineer, ServiceDep, in_thread, once, problems
-from api.inspections import whole_result
 from api.jobs import Accepted
+from api.results import whole_result
 from api.schemas import Asked
 from inspector.policies import PolicyFile
 from inspector.stores.records import Json

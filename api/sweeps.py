@@ -12,6 +12,7 @@ from fastapi.requests import Request
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel, Field, ValidationError
 
+from api.bodies import BINARY, body_of, type_of
 from api.deps import (
     JSON,
     PART,
@@ -40,7 +41,6 @@ from inspector.stores.base import NoSuchSweep
 from inspector.stores.records import Json, Sweep
 
 router = APIRouter(prefix="/v1/products/{product_id}/sweeps", tags=["sweeps"])
-MCAP = "application/octet-stream"
 REFUSED = ("multipart/", "text/", "image/", "video/")
 """Types that no recording has; a form would be read as a recording that begins with its own headings."""
 MAX_SECONDS = 3600.0
@@ -85,15 +85,7 @@ class SweepPage(BaseModel):
     status_code=201,
     response_model=SweepOut,
     responses=problems(409, 413, 415, 503, 507) | {202: {"model": Accepted, "description": "It is being recorded."}},
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {
-                MCAP: {"schema": {"type": "string", "format": "binary"}},
-                JSON: {"schema": FromCamera.model_json_schema()},
-            },
-        }
-    },
+    openapi_extra=body_of(BINARY, or_json=FromCamera),
 )
 async def add(
     request: Request,
@@ -105,9 +97,9 @@ async def add(
     ] = None,
 ) -> Response:
     """Upload a recording (MCAP, as the body), or have one made: `{"camera": NAME, "seconds": 10}` as JSON."""
-    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    kind = type_of(request)
     if kind.startswith(REFUSED):
-        raise WrongType(kind, f"an MCAP recording as {MCAP}, or {JSON} that names a camera")
+        raise WrongType(kind, f"an MCAP recording as {BINARY}, or {JSON} that names a camera")
     if kind == JSON:
         return await _record(request, service, who, product_id, part_id)
     received = await receive_recording(request, service.folder)

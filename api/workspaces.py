@@ -13,7 +13,9 @@ from fastapi.requests import Request
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel
 
+from api.bodies import BINARY, PICTURES, body_of, picture_in, type_of
 from api.deps import (
+    JSON,
     PRODUCT,
     After,
     Engineer,
@@ -29,7 +31,6 @@ from api.deps import (
 )
 from api.downloads import download
 from api.errors import BodyTooLarge, WrongType
-from api.inspections import PICTURES
 from api.jobs import Accepted
 from api.uploads import receive_workspace
 from inspector.service.folder import remove
@@ -37,7 +38,7 @@ from inspector.stores.base import NoSuchWorkspace
 from inspector.stores.records import Json, StoredWorkspace, WorkspaceSource
 
 router = APIRouter(prefix="/v1/workspaces", tags=["workspaces"])
-BINARY, ZIP = "application/octet-stream", "application/zip"
+ZIP = "application/zip"
 MAX_BYTES = 1 << 30
 """Of a learnt file: it is read into memory."""
 
@@ -101,12 +102,7 @@ class LocatedOut(BaseModel):
     status_code=201,
     response_model=WorkspaceOut,
     responses=problems(409, 413, 415, 503, 507) | {202: {"model": Accepted, "description": "It is being learnt."}},
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in (BINARY, ZIP)},
-        }
-    },
+    openapi_extra=body_of(BINARY, ZIP),
 )
 async def add(
     *,
@@ -124,7 +120,7 @@ async def add(
     Pictures come as a ZIP archive with one CSV file (columns file, object, and one per parameter), or as an MCAP
     recording with a message on /workspace/q at the time of each, as `inspector workspace learn` reads it.
     """
-    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    kind = type_of(request)
     if kind.startswith(("multipart/", "text/", "image/", "video/", "application/json")):
         raise WrongType(kind, f"a workspace as {BINARY}, or pictures with their labels as {ZIP}")
     periods = _periods(periodic or ())
@@ -200,19 +196,11 @@ async def file(request: Request, workspace_id: Id, service: ServiceDep, who: Vie
     "/{workspace_id}/locate",
     response_model=LocatedOut,
     responses=problems(404, 413, 415, 500, 503),
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in PICTURES},
-        }
-    },
+    openapi_extra=body_of(*PICTURES),
 )
 async def locate(request: Request, workspace_id: Id, service: ServiceDep, who: Operator) -> Response:
     """One picture in; which object it shows and where out. 503 where too many wait: send it again."""
-    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if kind not in PICTURES:
-        raise WrongType(kind, ", ".join(PICTURES))
-    return Response(await service.locating.locate(workspace_id, await request.body()), media_type="application/json")
+    return Response(await service.locating.locate(workspace_id, await picture_in(request)), media_type=JSON)
 
 
 def _told(stored: StoredWorkspace) -> WorkspaceOut:
