@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Awaitable, Callable
-from contextlib import suppress
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from anyio import create_task_group
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
-from fastapi.responses import Response
+from fastapi import APIRouter, WebSocket
 from pydantic import Field
 
-from api.deps import service_of, who_asks
-from api.errors import problem, problem_of
+from api.connection import RESTART, AbstractConnection, admitted
+from api.deps import service_of
 from api.schemas import Asked
-from inspector.protocol import BadFrame, SentFrame
+from inspector.protocol import SentFrame
 from inspector.service.locating import CREDITS, Trail
-from models.errors import InspectionError
 
 router = APIRouter()
-_UNREAD = 1000
-"""Messages that a client does not read; one more ends the connection."""
-BROKEN, RESTART = 1008, 1012
 
 
 class HandMessage(Asked):
@@ -36,11 +28,8 @@ class HandMessage(Asked):
 async def track(socket: WebSocket, workspace_id: str) -> None:
     """Frames in, messages out, until the connection ends; a new one begins anew."""
     service = service_of(socket)
-    try:
-        await who_asks(socket, "operator")
-        trail = await service.locating.track(workspace_id)
-    except InspectionError as error:
-        await socket.send_denial_response(problem_of(error, service.hidden))
+    trail = await admitted(socket, lambda: service.locating.track(workspace_id))
+    if trail is None:
         return
     try:
         await socket.accept()
@@ -49,23 +38,11 @@ async def track(socket: WebSocket, workspace_id: str) -> None:
         service.locating.forget(trail)
 
 
-class _Connection:
+class _Connection(AbstractConnection):
     def __init__(self, socket: WebSocket, trail: Trail) -> None:
-        self._socket, self._trail = socket, trail
+        super().__init__(socket)
+        self._trail = trail
         self._names = [each["name"] for each in trail.workspace.facts["parameters"]]
-        self._group = create_task_group()
-
-    async def run(self) -> None:
-        """Until either side ends it."""
-        async with self._group:
-            for work in (self._send, self._receive):
-                self._group.start_soon(self._all_end_with, work)
-
-    async def _all_end_with(self, work: Callable[[], Awaitable[None]]) -> None:
-        # a connection that is gone, or was closed just now, hears nothing more
-        with suppress(WebSocketDisconnect, RuntimeError):
-            await work()
-        self._group.cancel_scope.cancel()
 
     async def _send(self) -> None:
         trail = self._trail
@@ -80,21 +57,8 @@ class _Connection:
                 return
             await trail.news.wait()
 
-    async def _receive(self) -> None:
-        while (message := await self._socket.receive())["type"] == "websocket.receive":
-            if (data := message.get("bytes")) is not None:
-                self._take(data)
-            else:
-                self._obey(message.get("text") or "")
-            if len(self._trail.messages) > _UNREAD:
-                await self._socket.close(BROKEN, "answers are not read")
-                return
-
-    def _take(self, data: bytes) -> None:
-        try:
-            self._trail.offer(SentFrame.from_bytes(data))
-        except BadFrame as error:
-            self._wrong(problem(422, "No frame", str(error), type="bad-frame"))
+    def _take(self, sent: SentFrame) -> None:
+        self._trail.offer(sent)
 
     def _obey(self, text: str) -> None:
         try:
@@ -103,9 +67,10 @@ class _Connection:
                 raise ValueError(text)
             self._trail.hand = tuple(place[name] for name in self._names)
         except ValueError:
-            allowed = json.dumps({"kind": "hand", "place": dict.fromkeys(self._names, 0.0)})
-            said = f"{text[:80]!r} is not understood; allowed are frames, and {allowed}"
-            self._wrong(problem(422, "Not understood", said, type="bad-message"))
+            self._not_understood(text, {"kind": "hand", "place": dict.fromkeys(self._names, 0.0)})
 
-    def _wrong(self, said: Response) -> None:
-        self._trail.tell({"kind": "problem", **json.loads(bytes(said.body))})
+    def _say(self, message: dict[str, Any]) -> None:
+        self._trail.tell(message)
+
+    def _unread(self) -> int:
+        return len(self._trail.messages)
