@@ -11,6 +11,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel
 
 from api.deps import After, Limit, ServiceDep, Viewer, in_thread, tagged
+from api.schemas import Page
 
 router = APIRouter(prefix="/v1/audit", tags=["audit"])
 
@@ -29,16 +30,12 @@ class Entry(BaseModel):
     after: dict[str, Any] | None
 
 
-class AuditPage(BaseModel):
+class AuditPage(Page[Entry]):
     """Some of them, newest first."""
-
-    items: list[Entry]
-    next: int | None
-    """Ask with `after` set to this for what follows; null where nothing does."""
 
 
 @router.get("", response_model=AuditPage)
 async def audit(request: Request, service: ServiceDep, who: Viewer, after: After = None, limit: Limit = 50) -> Response:
     """All changes."""
     page = await in_thread(service.store.audit, after, limit)
-    return tagged(request, AuditPage(items=[Entry(**asdict(each)) for each in page.items], next=page.next))
+    return tagged(request, AuditPage.of(page, lambda change: Entry(**asdict(change))))

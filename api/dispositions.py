@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from api.deps import TEXT, After, Id, Limit, Operator, ServiceDep, Viewer, in_thread, once, problems, tagged
 from api.results import Disposition, Inspection, told
-from api.schemas import Asked
+from api.schemas import Asked, Page
 from inspector.stores.records import Decision
 
 router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
@@ -33,11 +33,8 @@ class Dispose(Asked):
         return self
 
 
-class DispositionPage(BaseModel):
+class DispositionPage(Page[Disposition]):
     """All that was said of an inspection, newest first."""
-
-    items: list[Disposition]
-    next: int | None
 
 
 @router.post("/{inspection_id}/disposition", response_model=Inspection, responses=problems(404, 409))
@@ -67,4 +64,4 @@ async def dispositions(
 ) -> Response:
     """Everything that people said of it."""
     page = await in_thread(service.store.dispositions, inspection_id, after, limit)
-    return tagged(request, DispositionPage(items=[Disposition(**asdict(each)) for each in page.items], next=page.next))
+    return tagged(request, DispositionPage.of(page, lambda word: Disposition(**asdict(word))))

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from api.deps import PART, PRODUCT, After, Id, Limit, ServiceDep, Viewer, in_thread, problems, tagged
 from api.downloads import download
 from api.results import Inspection, stored_scores, told, whole_result
+from api.schemas import Page
 from api.shared import Shared
 from inspector.service.errors import NotConcluded, RecordingGone
 from inspector.service.running import Running
@@ -21,11 +22,8 @@ router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
 MAX_SCORES = 10_000
 
 
-class InspectionPage(BaseModel):
+class InspectionPage(Page[Inspection]):
     """Part of the list, newest first."""
-
-    items: list[Inspection]
-    next: int | None
 
 
 class Scores(BaseModel):
@@ -64,8 +62,7 @@ async def inspections(
             after=after,
             limit=limit,
         )
-        items = [told(each, service, profile) for each in page.items]
-        return InspectionPage(items=items, next=page.next).model_dump_json().encode()
+        return InspectionPage.of(page, lambda each: told(each, service, profile)).model_dump_json().encode()
 
     shared: Shared = request.app.state.shared
     return tagged(request, await shared.get(request.url.query, read))

@@ -10,6 +10,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel
 
 from api.deps import PRODUCT, After, Id, Limit, ServiceDep, Viewer, in_thread, problems, tagged
+from api.schemas import Page
 from inspector.stores.records import Job, JobKind, JobState
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
@@ -65,12 +66,8 @@ class JobOut(BaseModel):
     """What should be looked at, or was lost, a sentence each."""
 
 
-class JobPage(BaseModel):
+class JobPage(Page[JobOut]):
     """Some of them, newest first."""
-
-    items: list[JobOut]
-    next: int | None
-    """Ask with `after` set to this for what follows; null where nothing does."""
 
 
 @router.get("", response_model=JobPage)
@@ -86,7 +83,7 @@ async def jobs(
 ) -> Response:
     """All jobs."""
     page = await in_thread(service.store.jobs, product_id=product_id, state=state, after=after, limit=limit)
-    return tagged(request, JobPage(items=[_told(each) for each in page.items], next=page.next))
+    return tagged(request, JobPage.of(page, _told))
 
 
 @router.get("/{job_id}", response_model=JobOut, responses=problems(404))

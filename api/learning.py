@@ -30,7 +30,7 @@ from api.deps import (
 from api.guard import MAX_JSON
 from api.jobs import Accepted
 from api.pictures import picture_of, shown
-from api.schemas import Asked
+from api.schemas import Asked, Page
 from inspector.picture_headers import kind_of, png_size
 from inspector.stores.records import Json, StoredAppearance
 
@@ -43,6 +43,7 @@ def _different(ids: list[str]) -> list[str]:
     return ids
 
 
+S = Annotated[float, Query(ge=0, le=1, description="Sweep coordinate.")]
 Ids = Annotated[list[Annotated[str, Field(pattern=IDENTITY)]], Field(min_length=1, max_length=100)]
 
 
@@ -143,12 +144,8 @@ class SamplingOut(BaseModel):
     advice: list[AdviceOut]
 
 
-class AppearancePage(BaseModel):
+class AppearancePage(Page[AppearanceOut]):
     """Some of them, newest first."""
-
-    items: list[AppearanceOut]
-    next: int | None
-    """Ask with `after` set to this for what follows; null where nothing does."""
 
 
 @router.post("", status_code=202, response_model=Accepted, responses=problems(404, 409, 503))
@@ -186,7 +183,7 @@ async def appearances(
 ) -> Response:
     """Everything that was learnt of a product."""
     page = await in_thread(service.store.appearances, product_id, after, limit)
-    return tagged(request, AppearancePage(items=[_told(each) for each in page.items], next=page.next))
+    return tagged(request, AppearancePage.of(page, _told))
 
 
 @router.get("/{appearance_id}/sampling", response_model=SamplingOut, responses=problems(404, 500, 503))
@@ -210,7 +207,7 @@ async def reference(
     appearance_id: Id,
     service: ServiceDep,
     who: Viewer,
-    s: Annotated[float, Query(ge=0, le=1, description="Sweep coordinate.")] = 0.0,
+    s: S = 0.0,
 ) -> Response:
     """The reference picture that is nearest to `s`: `Reference-S` tells its own, `Reference-Place` counts from 0."""
     made = await service.jobs.shown(lambda: service.pictures.reference(product_id, appearance_id, s))
@@ -230,7 +227,7 @@ async def ignored(
     appearance_id: Id,
     service: ServiceDep,
     who: Viewer,
-    s: Annotated[float, Query(ge=0, le=1, description="Sweep coordinate.")] = 0.0,
+    s: S = 0.0,
 ) -> Response:
     """What was learnt not to be looked at, on the reference picture that is nearest to `s`, and of its size.
 

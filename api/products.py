@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 from api.deps import After, Limit, ProductId, ServiceDep, Viewer, in_thread, problems, tagged
 from api.recipes import RecipeOut, recipe_out
+from api.schemas import Page
 from inspector.service.service import Service
 from inspector.stores.records import Product
 
@@ -24,12 +25,8 @@ class ProductOut(BaseModel):
     """What its parts are inspected by."""
 
 
-class ProductPage(BaseModel):
+class ProductPage(Page[ProductOut]):
     """Some of them, newest first."""
-
-    items: list[ProductOut]
-    next: int | None
-    """Ask with `after` set to this for what follows; null where nothing does."""
 
 
 @router.get("", response_model=ProductPage)
@@ -39,8 +36,7 @@ async def products(
     """All products. One comes into being with its first sweep."""
 
     def read() -> ProductPage:
-        page = service.store.products(after, limit)
-        return ProductPage(items=[_told(service, product) for product in page.items], next=page.next)
+        return ProductPage.of(service.store.products(after, limit), lambda product: _told(service, product))
 
     return tagged(request, await in_thread(read))
 

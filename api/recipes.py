@@ -25,7 +25,7 @@ from api.deps import (
     problems,
     tagged,
 )
-from api.schemas import Asked
+from api.schemas import Asked, Page
 from inspector.policies import PolicyFile
 from inspector.service.errors import NoRecipe
 from inspector.service.folder import new_id
@@ -65,12 +65,8 @@ class RecipeOut(BaseModel):
     note: str
 
 
-class RecipePage(BaseModel):
+class RecipePage(Page[RecipeOut]):
     """Some of them, newest first."""
-
-    items: list[RecipeOut]
-    next: int | None
-    """Ask with `after` set to this for what follows; null where nothing does."""
 
 
 @router.post("", status_code=201, response_model=RecipeOut, responses=problems(404, 409))
@@ -100,7 +96,7 @@ async def recipes(
 ) -> Response:
     """All versions of a product's recipe."""
     page = await in_thread(service.store.recipes, product_id, after, limit)
-    return tagged(request, RecipePage(items=[recipe_out(each) for each in page.items], next=page.next))
+    return tagged(request, RecipePage.of(page, recipe_out))
 
 
 @router.get("/{recipe_id}", response_model=RecipeOut, responses=problems(404))

@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable
+from typing import Annotated, Generic, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
+
+from inspector.stores import records
+
+T = TypeVar("T")
+Stored = TypeVar("Stored")
 
 
 class Asked(BaseModel):
     """A request."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+class Page(BaseModel, Generic[T]):
+    """Part of a list, newest first."""
+
+    items: list[T]
+    next: int | None
+    """Ask with `after` set to this for what follows; null where nothing does."""
+
+    @classmethod
+    def of(cls, page: records.Page[Stored], told: Callable[[Stored], T]) -> Self:
+        """A page of the store, with what is told of each."""
+        return cls(items=[told(each) for each in page.items], next=page.next)
 
 
 class Problem(BaseModel):

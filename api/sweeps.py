@@ -32,7 +32,7 @@ from api.downloads import download
 from api.errors import BodyTooLarge, WrongType
 from api.guard import MAX_JSON
 from api.jobs import Accepted
-from api.schemas import Asked
+from api.schemas import Asked, Page
 from api.uploads import receive_recording
 from inspector.service.access import Who
 from inspector.service.folder import remove
@@ -72,12 +72,8 @@ class SweepOut(BaseModel):
     """A sentence for each thing that could not be read."""
 
 
-class SweepPage(BaseModel):
+class SweepPage(Page[SweepOut]):
     """Some of them, newest first."""
-
-    items: list[SweepOut]
-    next: int | None
-    """Ask with `after` set to this for what follows; null where nothing does."""
 
 
 @router.post(
@@ -167,7 +163,7 @@ async def sweeps(
 ) -> Response:
     """All sweeps of a product."""
     page = await in_thread(service.store.sweeps, product_id, after, limit)
-    return tagged(request, SweepPage(items=[_told(each) for each in page.items], next=page.next))
+    return tagged(request, SweepPage.of(page, _told))
 
 
 @router.get("/{sweep_id}", response_model=SweepOut, responses=problems(404))

@@ -32,6 +32,7 @@ from api.deps import (
 from api.downloads import download
 from api.errors import BodyTooLarge, WrongType
 from api.jobs import Accepted
+from api.schemas import Page
 from api.uploads import receive_workspace
 from inspector.service.folder import remove
 from inspector.stores.base import NoSuchWorkspace
@@ -66,12 +67,8 @@ class WorkspaceOut(BaseModel):
     bytes: int
 
 
-class WorkspacePage(BaseModel):
+class WorkspacePage(Page[WorkspaceOut]):
     """Some of them, newest first."""
-
-    items: list[WorkspaceOut]
-    next: int | None
-    """Ask with `after` set to this for what follows; null where nothing does."""
 
 
 class OtherOut(BaseModel):
@@ -172,7 +169,7 @@ async def workspaces(
 ) -> Response:
     """All workspaces."""
     page = await in_thread(service.store.workspaces, after, limit)
-    return tagged(request, WorkspacePage(items=[_told(each) for each in page.items], next=page.next))
+    return tagged(request, WorkspacePage.of(page, _told))
 
 
 @router.get("/{workspace_id}", response_model=WorkspaceOut, responses=problems(404))
