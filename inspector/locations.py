@@ -7,6 +7,7 @@ Path("a.mcap"), "a.mcap", "file:///data/a.mcap"
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, Literal, TypeAlias
@@ -47,6 +48,14 @@ class RemoteFile:
         """All of it. Raises ObjectError."""
         with self.open() as file:
             return file.read()
+
+    def stream(self, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
+        """Its size, and what is in it from `start` to `end`, without that, in pieces. Raises ObjectError."""
+        return Objects(self.url).stream("", start, end)
+
+    def size(self) -> int | None:
+        """Bytes; None where there is nothing by that name. Raises ObjectError."""
+        return Objects(self.url).size()
 
     def is_dir(self) -> bool:
         """False: a URL names a file."""

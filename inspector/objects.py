@@ -40,6 +40,7 @@ _ENDPOINT = re.compile(r"https?://([A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\])(:\d{1,5})?
 _REGION = re.compile(r"[a-z0-9-]{1,64}")
 _STATUS = re.compile(r"non-2xx status code: (\d{3}[A-Za-z ]*)")
 _CODE = re.compile(r"<Code>([A-Za-z0-9]{1,64})</Code>")
+_CONDITION_REFUSED = "non-2xx status code: 501"
 _CLIENT: ClientConfig = {"allow_http": True, "connect_timeout": timedelta(seconds=5), "timeout": timedelta(seconds=60)}
 _RETRIES: RetryConfig = {"max_retries": 4, "retry_timeout": timedelta(seconds=20)}
 _FIRST, _MOST = 1 << 16, 1 << 22
@@ -183,17 +184,23 @@ class Objects:
     def put_new(self, name: str, path: Path) -> None:
         """The file, whole, by a name that nothing has. Raises ObjectTaken, OSError where the file cannot be read.
 
-        What is larger than 64 MiB goes in parts, and is there when the last one is. S3 cannot refuse a name that is
-        taken meanwhile then: it is looked up before.
+        Of two who write at once one is refused, where the service knows conditional writes. Else, and for what is
+        larger than 64 MiB, which goes in parts and is there when the last one is, the name is only looked up before.
         """
-        large = path.stat().st_size > _AT_ONCE
-        if large and self.size(name) is not None:
+        if self.size(name) is not None:
             raise ObjectTaken(self._at(name))
+        key = self._key(name)
         with self._told(name), path.open("rb") as file:
-            if large:
-                obstore.put(self._store, self._key(name), file, chunk_size=_AT_ONCE // 4, max_concurrency=2)
-            else:
-                obstore.put(self._store, self._key(name), file.read(), mode="create")
+            if path.stat().st_size > _AT_ONCE:
+                obstore.put(self._store, key, file, chunk_size=_AT_ONCE // 4, max_concurrency=2)
+                return
+            data = file.read()
+            try:
+                obstore.put(self._store, key, data, mode="create")
+            except BaseError as error:
+                if _CONDITION_REFUSED not in str(error):
+                    raise
+                obstore.put(self._store, key, data)
 
     def remove(self, name: str) -> None:
         """Nothing is there afterwards; it does not matter whether something was."""

@@ -15,21 +15,24 @@ import hashlib
 import os
 import re
 import shutil
+import threading
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from inspector.errors import OutputExists
 from inspector.files import NotWritten, arriving, sync
-from inspector.locations import to_location
-from inspector.objects import ObjectError, Objects, ObjectTaken, beneath, shown
+from inspector.locations import Location, RemoteFile, to_location
+from inspector.objects import ObjectError, Objects, ObjectTaken, beneath
 from inspector.service.folder import DataFolder, FolderRefused, NoFileId, remove
 
 Learnt: TypeAlias = Literal["appearance", "workspace"]
 Kind: TypeAlias = Literal["sweep", "inspection", "part", "appearance", "workspace"]
 _PART = re.compile(r"[0-9a-f]{32}\.\d{1,9}")
 _TAPE = re.compile(r"([0-9a-f]{32})(?:\.(\d+))?\.mcap")
+_UNUSED_NS = 7 * 86_400_000_000_000
+"""A copy that nobody asked for in so long is fetched again by who asks."""
 
 
 class FileDamaged(ObjectError):
@@ -52,27 +55,52 @@ class Files:
         """Whether other services have these files, too."""
         self._tapes = folder.path / "tapes"
         self._tapes.mkdir(exist_ok=True)
+        self._copies = threading.Lock()
 
     def place(self, kind: Kind, id: str) -> str:
         """Where it is or will be: a path or a URL, which readers in any process understand."""
-        return self._kept.place(self._name(kind, id))
+        found = self.location(kind, id)
+        return str(found) if isinstance(found, Path) else found.url
 
-    def path(self, kind: Kind, id: str) -> Path | None:
-        """The same, where it is a file of this computer; None in a bucket."""
-        return self._kept.path(self._name(kind, id))
+    def location(self, kind: Kind, id: str) -> Location:
+        """The same, to read from: a file of this computer, or one in a bucket."""
+        return self._kept.location(self._name(kind, id))
 
     def local(self, kind: Learnt, id: str) -> Path:
         """A learnt file, on this computer: fetched from a bucket once, and checked by its name, which is its hash.
 
+        Such a copy stays for a week from now. Raises ObjectError.
+        """
+        found = self.location(kind, id)
+        if isinstance(found, Path):
+            return found
+        copy = self._folder.path / self._name(kind, id)
+        with self._copies:
+            _use(copy)
+            if copy.exists():
+                return copy
+        self._fetch(found, copy)
+        return copy
+
+    def drop_copies(self, now_ns: int) -> None:
+        """Copies of learnt files that nobody asked for in a week go, where they are still in the bucket.
+
         Raises ObjectError.
         """
-        path = self.path(kind, id)
-        if path is not None:
-            return path
-        path = self._folder.path / self._name(kind, id)
-        if not path.exists():
-            self._fetch(self._name(kind, id), path)
-        return path
+        if not isinstance(self._kept, _InBucket):
+            return
+        for kind in ("appearance", "workspace"):
+            for copy in (self._folder.path / f"{kind}s").glob(f"*.{kind}"):
+                facts = copy.stat()
+                if now_ns - facts.st_mtime_ns < _UNUSED_NS:
+                    continue
+                there = self._kept.size(f"{kind}s/{copy.name}") == facts.st_size
+                with self._copies:
+                    if not there:
+                        # Of a time without this bucket, and the only one: looked at again in a week.
+                        _use(copy)
+                    elif copy.stat().st_mtime_ns == facts.st_mtime_ns:
+                        remove(copy)
 
     def local_appearance(self, appearance_id: str) -> Path:
         """What was learnt, on this computer. Raises ObjectError."""
@@ -84,27 +112,23 @@ class Files:
         What is there already, by the same name and of the same size, is the same. Raises NotWritten, ObjectError,
         and then the draft is still there.
         """
-        name = self._name(kind, id)
-        if draft == self.path(kind, id):
+        name, place = self._name(kind, id), self.location(kind, id)
+        if draft == place:
             return
         try:
             sync(draft)
             self._kept.add(draft, name)
-            if self.path(kind, id) is None and kind in ("appearance", "workspace"):
+            if isinstance(place, RemoteFile) and kind in ("appearance", "workspace"):
                 # The copy that this service would fetch.
                 draft.rename(self._folder.path / name)
             else:
                 draft.unlink(missing_ok=True)
         except OSError as error:
-            raise NotWritten(Path(self._kept.place(name)), error.strerror or str(error)) from error
+            raise NotWritten(Path(str(place)), error.strerror or str(error)) from error
 
     def size(self, kind: Kind, id: str) -> int | None:
         """Bytes; None where there is no such file. Raises ObjectError."""
         return self._kept.size(self._name(kind, id))
-
-    def stream(self, kind: Kind, id: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
-        """Of a file that has no path, the size, and pieces from `start` to `end`. Raises NoSuchObject, ObjectError."""
-        return self._kept.stream(self._name(kind, id), start, end)
 
     def remove(self, kind: Kind, id: str) -> None:
         """Nothing is there afterwards; it does not matter whether something was. Raises OSError, ObjectError."""
@@ -148,17 +172,17 @@ class Files:
         return self._folder.hidden(self._kept.hidden(said))
 
     def _own(self, kind: Kind, id: str) -> Path | None:
-        return None if self.common else self.path(kind, id)
+        return None if self.common else self._folder.path / self._name(kind, id)
 
-    def _fetch(self, name: str, path: Path) -> None:
+    def _fetch(self, place: RemoteFile, path: Path) -> None:
         draft, sha256 = self._folder.incoming(), hashlib.sha256()
         try:
             with draft.open("xb") as file:
-                for piece in self._kept.stream(name)[1]:
+                for piece in place.stream()[1]:
                     sha256.update(piece)
                     file.write(piece)
             if sha256.hexdigest() != path.stem:
-                raise FileDamaged(shown(self._kept.place(name)))
+                raise FileDamaged(str(place))
             sync(draft)
             draft.rename(path)
         except OSError as error:
@@ -183,10 +207,7 @@ class _Kept(ABC):
     """Files by names, kept."""
 
     @abstractmethod
-    def place(self, name: str) -> str: ...
-
-    @abstractmethod
-    def path(self, name: str) -> Path | None: ...
+    def location(self, name: str) -> Location: ...
 
     @abstractmethod
     def add(self, draft: Path, name: str) -> None:
@@ -194,9 +215,6 @@ class _Kept(ABC):
 
     @abstractmethod
     def size(self, name: str) -> int | None: ...
-
-    @abstractmethod
-    def stream(self, name: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]: ...
 
     @abstractmethod
     def remove(self, name: str) -> None: ...
@@ -222,18 +240,12 @@ class _OnDisk(_Kept):
         except OSError as error:
             raise FolderRefused(root, error.strerror or str(error)) from error
 
-    def place(self, name: str) -> str:
-        return str(self._root / name)
-
-    def path(self, name: str) -> Path:
+    def location(self, name: str) -> Path:
         return self._root / name
 
     def size(self, name: str) -> int | None:
         path = self._root / name
         return path.stat().st_size if path.is_file() else None
-
-    def stream(self, name: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
-        raise NotImplementedError("a file of this computer has a path")
 
     def remove(self, name: str) -> None:
         (self._root / name).unlink(missing_ok=True)
@@ -280,11 +292,8 @@ class _InBucket(_Kept):
     def __init__(self, objects: Objects) -> None:
         self._objects = objects
 
-    def place(self, name: str) -> str:
-        return beneath(self._objects.url, name)
-
-    def path(self, name: str) -> None:
-        return None
+    def location(self, name: str) -> RemoteFile:
+        return RemoteFile(beneath(self._objects.url, name))
 
     def add(self, draft: Path, name: str) -> None:
         try:
@@ -295,9 +304,6 @@ class _InBucket(_Kept):
 
     def size(self, name: str) -> int | None:
         return self._objects.size(name)
-
-    def stream(self, name: str, start: int = 0, end: int | None = None) -> tuple[int, Iterator[bytes]]:
-        return self._objects.stream(name, start, end)
 
     def remove(self, name: str) -> None:
         self._objects.remove(name)
@@ -320,3 +326,9 @@ def _apart(url: str) -> _Kept:
 def _same(draft: Path, size: int | None) -> bool:
     """It was brought before, and the answer was lost; or learnt before, to the same bytes."""
     return draft.stat().st_size == size
+
+
+def _use(copy: Path) -> None:
+    """It is of use now, if it is there."""
+    with suppress(OSError):
+        os.utime(copy)

@@ -45,6 +45,7 @@ class Mending:
                 stored = self._store.inspection(left.inspection_id)
                 if _over(stored, now_ns, _ALL_NS) and not self._publishing.has(stored.inspection_id):
                     self._put_together(stored)
+        self._files.drop_copies(now_ns)
 
     def _settle(self, stored: StoredInspection, take: int, path: Path, is_old: bool) -> None:
         """What this service recorded of an inspection that has ended."""

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from urllib.request import Request, urlopen
 
 import httpx2
 import pytest
@@ -19,12 +18,12 @@ import pytest
 from inspector.client import Client
 from inspector.stores import open_store
 from tests.api.stations import PRODUCT, material
+from tests.buckets import REAL, Buckets, credentials
 from tests.postgresql import server as postgresql
 from tests.system import composed
 from tests.system.proxying import Proxy, free_everywhere, proxy
 
 PATIENCE = 90.0
-BUCKET = "inspector"
 SERVE = [sys.executable, "-c", "from inspector.cli import main; main()"]
 QUICKLY = {"INSPECTOR_SCORERS": "1", "INSPECTOR_LOG_LEVEL": "info", "INSPECTOR_REQUIRE_TOKEN": "true"}
 """What the image sets otherwise: there, all addresses are listened at, and so tokens are asked for."""
@@ -153,41 +152,49 @@ def shared(folder: Path, front: Proxy | None, settings: dict[str, str]) -> Itera
     """The database, and the environment of a service that works on it and on a bucket."""
     with ExitStack() as held:
         database = held.enter_context(postgresql()).new_database()
-        bucket = held.enter_context(buckets(folder))
-        there = composed.environment("inspector", {})["INSPECTOR_DATABASE"]
-        environment = composed.environment("inspector", {there: database, "http://s3:7070": bucket})
-        environment |= QUICKLY | {f"INSPECTOR_{name.upper()}": value for name, value in settings.items()}
+        files = new_bucket(held.enter_context(buckets(folder)))
+        there = composed.environment("inspector", {})
+        environment = composed.environment(
+            "inspector", {there["INSPECTOR_DATABASE"]: database, there["INSPECTOR_FILES"]: files}
+        )
+        environment |= (
+            credentials() | QUICKLY | {f"INSPECTOR_{name.upper()}": value for name, value in settings.items()}
+        )
         environment |= {"INSPECTOR_PORT": str(front.port if front else free_everywhere())}
-        make_bucket(bucket)
         yield database, environment
 
 
 @contextmanager
-def buckets(folder: Path) -> Iterator[str]:
-    """moto's S3 service; its address."""
+def buckets(folder: Path) -> Iterator[Buckets]:
+    """moto's S3 service, or the real one that is named."""
+    if REAL is not None:
+        yield Buckets(REAL)
+        return
     pytest.importorskip("moto.server", reason="moto is not installed: pip install 'moto[server]'")
     port, log = free_everywhere(), folder / "s3.log"
     with log.open("ab") as out:
         command = [sys.executable, "-m", "moto.server", "--host", "127.0.0.1", "--port", str(port)]
         process = subprocess.Popen(command, stdout=out, stderr=out)
     try:
-        yield f"http://127.0.0.1:{port}"
+        yield Buckets(f"http://127.0.0.1:{port}")
     finally:
         process.terminate()
         process.wait(PATIENCE)
 
 
-def make_bucket(endpoint: str) -> None:
-    """The folder that the compose file mounts as one."""
+def new_bucket(service: Buckets) -> str:
+    """Its URL, when the service answers."""
+    made: list[str] = []
 
-    def made() -> bool:
+    def answers() -> bool:
         try:
-            with urlopen(Request(f"{endpoint}/{BUCKET}", method="PUT")):
-                return True
+            made.append(service.new())
         except OSError:
             return False
+        return True
 
-    until(made, lambda: "no bucket")
+    until(answers, lambda: "no bucket")
+    return made[0]
 
 
 def first_token(logs: list[Path]) -> str:

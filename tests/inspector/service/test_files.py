@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import os
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from urllib.request import Request, urlopen
 
 import pytest
 
@@ -31,6 +32,7 @@ from tests.buckets import Buckets
 from tests.inspector.recordings import frame, same
 
 A = "0123456789abcdef" * 2
+WEEK_NS = 7 * 86_400_000_000_000
 
 
 @pytest.fixture
@@ -129,6 +131,36 @@ def test_what_one_service_learnt_another_has_and_fetches_it_once(
     assert one.local_appearance(id).read_bytes() == other.local_appearance(id).read_bytes() == b"learnt"
     with pytest.raises(NoSuchObject):
         Files(node("c"), url).local_appearance(id)
+
+
+def test_copies_that_nobody_asked_for_in_a_week_go_and_are_fetched_again(
+    buckets: Buckets, node: Callable[[str], DataFolder], store: AbstractStore
+) -> None:
+    url, folder, learnt = buckets.new(), node("a"), [f"learnt {n}".encode() for n in range(4)]
+    ids = [f"sha256:{hashlib.sha256(each).hexdigest()}" for each in learnt]
+    paths = [folder.appearance(id) for id in ids]
+    station = Station(store, Files(folder, url))
+    for id, each in zip(ids[:3], learnt, strict=False):
+        station.files.publish(draft(station.files, each), "appearance", id)
+    # Of a time without the bucket.
+    paths[3].write_bytes(learnt[3])
+    now_ns = time.time_ns()
+    for path in paths:
+        os.utime(path, ns=(0, now_ns - WEEK_NS))
+    assert station.files.local_appearance(ids[0]) == paths[0]
+    os.utime(paths[1], ns=(0, now_ns - WEEK_NS // 2))
+    station.mending.mend(now_ns, 30)
+    assert [path.exists() for path in paths] == [True, True, False, True]
+    assert [station.files.local_appearance(id).read_bytes() for id in ids] == learnt
+
+
+def test_learnt_files_that_are_no_copies_stay(tmp_path: Path, node: Callable[[str], DataFolder]) -> None:
+    id = f"sha256:{hashlib.sha256(b'learnt').hexdigest()}"
+    for files in (Files(node("a")), Files(node("b"), (tmp_path / "shared").as_uri())):
+        files.publish(draft(files, b"learnt"), "appearance", id)
+        os.utime(files.local_appearance(id), ns=(0, 0))
+        files.drop_copies(time.time_ns())
+        assert files.local_appearance(id).read_bytes() == b"learnt"
 
 
 def test_a_learnt_file_that_is_not_what_its_name_says_is_not_used(
@@ -243,8 +275,7 @@ def test_what_cannot_be_published_waits_is_told_and_goes_when_it_can(
     assert [station.state(id)[0] for id, _ in made] == ["being written"] * 3
     assert station.metrics.exposition().count(b"inspector_recordings_unpublished 3.0") == 1
     assert sorted(left for left, _, _ in station.files.left()) == sorted(id for id, _ in made)
-    with urlopen(Request(f"{buckets.endpoint}/{bucket}", method="PUT")):
-        pass
+    buckets.make(bucket)
     assert [station.when_kept(id)[:2] for id, _ in made] == [("kept", 8)] * 3
     assert station.files.left() == ()
     station.publishing.close()
