@@ -164,7 +164,7 @@ def _doubts(appearance: Appearance, paths: Sequence[Location]) -> Iterator[str]:
 
 def add_recordings(
     paths: Sequence[Path | RemoteFile | str],
-    to: Path | str,
+    to: Path | RemoteFile | str,
     out: Path | str,
     progress: Callable[[float], None] | None = None,
     *,

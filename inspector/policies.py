@@ -6,12 +6,12 @@ inspector.errors.WorldError
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from inspector.errors import WorldError
+from inspector.locations import Location
 from models.verdict import ALLOWED, Policy
 
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
@@ -20,7 +20,7 @@ Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 class PolicyRefused(WorldError):
     """A policy file that cannot be read, or that says what is not allowed."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: Location, why: str) -> None:
         super().__init__(f"{path}: {why}")
 
 
@@ -39,8 +39,8 @@ class PolicyFile(BaseModel):
     invalid_share: Share = Policy.invalid_share
 
 
-def read_policy(path: Path) -> Policy:
-    """The policy in a file. Raises PolicyRefused, with the first field, its value, and what is allowed."""
+def read_policy(path: Location) -> Policy:
+    """The policy in a file. Raises ObjectError; PolicyRefused, with the first field, its value, and what is allowed."""
     try:
         return Policy(**PolicyFile.model_validate_json(path.read_bytes()).model_dump())
     except OSError as error:

@@ -18,15 +18,22 @@ if TYPE_CHECKING:
 
 
 def evaluate(
-    folder: Annotated[Path, typer.Argument(help="Holds golden*.mcap, good*.mcap, bad*.mcap, and X.truth.json of any.")],
+    places: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FOLDER-OR-RECORDING-OR-URL...",
+            help="With golden*.mcap, good*.mcap, bad*.mcap, and X.truth.json of any; s3:// too.",
+        ),
+    ],
     *,
     appearance: Annotated[
-        Path | None, typer.Option(metavar="PART.appearance", help="Take this one, and do not learn from golden*.mcap.")
+        str | None,
+        typer.Option(metavar="PART.appearance", help="Take this one, or its URL; do not learn from golden*.mcap."),
     ] = None,
     policy: PolicyOption = None,
     false_rejects: FalseRejectsOption = None,
     baseline: Annotated[
-        Path | None,
+        str | None,
         typer.Option(metavar="FILE", help="Compare with another appearance, another policy, or an earlier OUT.json."),
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="OUT.json", help="New file for every figure.")] = None,
@@ -39,6 +46,8 @@ def evaluate(
     """Learn, inspect and count a labelled set: false rejects, escapes, what was found, the worst cases.
 
     Example: inspector evaluate parts --html parts.html --baseline released.appearance
+
+    Example: inspector evaluate s3://archive/plates --appearance s3://archive/plate.appearance --executor processes
     """
     from datetime import UTC, datetime
     from json import dumps
@@ -50,23 +59,25 @@ def evaluate(
     from inspector.evaluation.running import run
     from inspector.evaluation.summary import lines
     from inspector.files import refuse_taken, write_new
+    from inspector.locations import to_location
 
     if json is not None and json == html:
         raise typer.BadParameter(f"--json and --html both name {json}; allowed are two files")
     for out in (json, html):
         if out is not None:
             refuse_taken(out)
-    labelled = read_set(folder, learns=appearance is None)
+    labelled = read_set(places, learns=appearance is None)
     thresholds = judging(policy, false_rejects)
-    source = read_baseline(baseline) if baseline else None
+    before = to_location(baseline) if baseline else None
+    source = read_baseline(before) if before else None
     with elsewhere(executor) as workers:
         learnt = _appearance(labelled, appearance, topic, workers)
         with progress("inspecting") as share:
             now = run(labelled.parts, learnt, thresholds, share, topic=topic, executor=workers)
         beside = None
-        if baseline is not None and source is not None:
+        if before is not None and source is not None:
             with progress("comparing") as share:
-                beside = compared(baseline, source, now, labelled.parts, share, topic=topic, executor=workers)
+                beside = compared(before, source, now, labelled.parts, share, topic=topic, executor=workers)
     evaluation = Evaluation(labelled, now, appearance is None, datetime.now(UTC), beside)
     if json is not None:
         write_new(json, dumps(evaluation_record(evaluation), indent=1, allow_nan=False).encode() + b"\n")
@@ -79,7 +90,7 @@ def evaluate(
         raise typer.Exit(1)
 
 
-def _appearance(labelled: LabelledSet, given: Path | None, topic: str | None, executor: Executor | None) -> Appearance:
+def _appearance(labelled: LabelledSet, given: str | None, topic: str | None, executor: Executor | None) -> Appearance:
     """The one that was given, or what the golden sweeps teach."""
     from tempfile import TemporaryDirectory
 

@@ -21,7 +21,7 @@ def learn(
         bool, typer.Option("--add", help="Add the sweeps to what was learnt before (--to), which stays as it is.")
     ] = False,
     to: Annotated[
-        Path | None, typer.Option(metavar="OLD.appearance", help="With --add: what they are added to.")
+        str | None, typer.Option(metavar="OLD.appearance", help="With --add: what they are added to, or its URL.")
     ] = None,
     ignore: Annotated[
         Path | None, typer.Option(metavar="MASK.png", help="A picture of that size, white where not to look.")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -20,6 +19,7 @@ from inspector.evaluation.part_records import PartInFile
 from inspector.evaluation.running import Failed, Run, run
 from inspector.executors import Executor
 from inspector.learner import load_appearance
+from inspector.locations import Location
 from inspector.policies import read_policy
 from models.appearance import SEAL, Appearance
 from models.comparison import Comparison, compare
@@ -32,7 +32,7 @@ KIND = "evaluation"
 class BaselineRefused(WorldError):
     """A file that is no baseline, or with which nothing could be compared."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: Location, why: str) -> None:
         super().__init__(f"{path}: {why}")
 
 
@@ -51,7 +51,7 @@ class EarlierEvaluation(BaseModel):
 Source: TypeAlias = Appearance | Policy | EarlierEvaluation
 
 
-def read_baseline(path: Path) -> Source:
+def read_baseline(path: Location) -> Source:
     """The baseline in a file. Raises BaselineRefused, AppearanceError, PolicyRefused."""
     try:
         data = path.read_bytes()
@@ -93,7 +93,7 @@ class Compared:
 
 
 def compared(
-    path: Path,
+    path: Location,
     source: Source,
     now: Run,
     parts: Sequence[Part],
@@ -120,7 +120,7 @@ def compared(
     return Compared(path.name, what, appearance.id, asdict(policy), comparison, before.failed, ())
 
 
-def _beside_earlier(path: Path, source: EarlierEvaluation, now: Run) -> Compared:
+def _beside_earlier(path: Location, source: EarlierEvaluation, now: Run) -> Compared:
     comparison = compare([part.outcome() for part in source.parts], now.outcomes)
     if not comparison.parts:
         raise BaselineRefused(path, "no part can be compared: no name and label is in both")

@@ -37,8 +37,8 @@ class Evaluation:
 
     @cached_property
     def name(self) -> str:
-        """Of the folder."""
-        return self.labelled.folder.resolve().name
+        """Of the folder, or of the first of several places."""
+        return self.labelled.name
 
     @cached_property
     def summary(self) -> Summary:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
@@ -15,6 +14,7 @@ from inspector.evaluation.labelled_set import Part
 from inspector.executors import Executor
 from inspector.filmstrip import filmstrips, peak_of
 from inspector.learner import packed, unpacked
+from inspector.locations import Location
 from inspector.pictures import encode_jpeg
 from inspector.recording import SweepReader, count_frames
 from inspector.replay import OnScored, replay
@@ -157,7 +157,7 @@ def _kept(results: Mapping[str, Result], outcomes: Sequence[Outcome]) -> dict[st
     return {name: result for name, result in results.items() if name in names}
 
 
-def _share_of(progress: Callable[[float], object], before: int, parts: int, path: Path) -> OnScored:
+def _share_of(progress: Callable[[float], object], before: int, parts: int, path: Location) -> OnScored:
     total = count_frames(path)
 
     def tell(frame: Frame, scored: ScoredFrame) -> None:
@@ -199,10 +199,13 @@ def _as_published(result: Result) -> Result:
     return replace(result, frames=tuple(frames), coverage=number(result.coverage))
 
 
-def _sha256(path: Path) -> str:
+def _sha256(path: Location) -> str:
     try:
+        sha256 = hashlib.sha256()
         with path.open("rb") as file:
-            return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+            while piece := file.read(1 << 20):
+                sha256.update(piece)
+        return f"sha256:{sha256.hexdigest()}"
     except OSError as error:
         raise NotARecording(path, error.strerror or str(error)) from error
 

@@ -12,13 +12,16 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from inspector.errors import WorldError
+from inspector.locations import Location, RemoteFile, is_bucket
 from models.labelled import DefectSeen, FrameTruth, Truth
+
+_ENDING = ".truth.json"
 
 
 class TruthRefused(WorldError):
     """A truth file that cannot be read, or that says what cannot be."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: Location, why: str) -> None:
         super().__init__(f"{path}: {why}")
 
 
@@ -54,13 +57,21 @@ class TruthFile(_Read):
     frames: list[FrameInFile]
 
 
-def truth_of(recording: Path) -> Path:
-    """Where the truth of a recording would be: X.truth.json beside X.mcap."""
-    return recording.with_suffix(".truth.json")
+def truth_of(recording: Location) -> Location | None:
+    """Where the truth of a recording would be: X.truth.json beside X.mcap.
+
+    None beside an address of a web server that has a query: that may be a signature, which is good for one file.
+    """
+    if isinstance(recording, Path):
+        return recording.with_suffix(_ENDING)
+    path, mark, query = recording.url.partition("?")
+    if mark and not is_bucket(recording):
+        return None
+    return RemoteFile(f"{path.removesuffix(recording.name)}{recording.stem}{_ENDING}{mark}{query}")
 
 
-def read_truth(path: Path) -> Truth:
-    """The truth in a file. Raises TruthRefused, with the first thing that is wrong, and where."""
+def read_truth(path: Location) -> Truth:
+    """The truth in a file. Raises TruthRefused, with the first thing that is wrong, and where; ObjectError."""
     try:
         read = TruthFile.model_validate_json(path.read_bytes())
     except OSError as error:

@@ -6,19 +6,23 @@ import json
 import re
 import shutil
 from dataclasses import dataclass
+from datetime import timedelta
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import obstore
 import pytest
 
 from inspector.cameras import open_camera
 from inspector.cameras.simulated import SimulatedCamera
 from inspector.cli import run
+from inspector.objects import Objects, beneath
 from inspector.recorder import record
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from models.verdict import Judgement
+from tests.buckets import Buckets
 from tests.inspector.conftest import Line
 from tests.inspector.line import SPOT, recorded, url
 
@@ -98,6 +102,66 @@ def test_several_processes_count_the_same(evaluated: Evaluated, tmp_path: Path) 
     record = json.loads((tmp_path / "e.json").read_text())
     assert record.pop("made") != (before := dict(evaluated.record)).pop("made")
     assert record == before
+
+
+def test_a_set_in_a_bucket_is_evaluated_as_one_on_the_disk(
+    evaluated: Evaluated, tmp_path: Path, buckets: Buckets
+) -> None:
+    bucket = buckets.new()
+    url = beneath(bucket, f"line 1/{evaluated.folder.name}")
+    for path in evaluated.folder.iterdir():
+        Objects(url).put_new(path.name, path)
+    # A set of its own.
+    Objects(url).put_new("deeper/bad-9.mcap", evaluated.folder / "bad-spot.mcap")
+    assert run(["evaluate", url, "--json", str(tmp_path / "e.json"), "--html", str(tmp_path / "e.html")]) == 0
+    record = json.loads((tmp_path / "e.json").read_text())
+    assert record.pop("made") != (before := dict(evaluated.record)).pop("made")
+    assert record == before
+    assert re.sub(r"\d{4}-\d\d-\d\d[^<]*", "", (tmp_path / "e.html").read_text()) == re.sub(
+        r"\d{4}-\d\d-\d\d[^<]*", "", evaluated.page
+    )
+
+
+def test_recordings_are_named_one_by_one_and_by_url_and_their_truths_are_beside_them(
+    evaluated: Evaluated, line: Line, tmp_path: Path, capsys: Captured, buckets: Buckets
+) -> None:
+    bucket, put = buckets.new(), ("bad-spot.mcap", "bad-spot.truth.json", "good-2.mcap")
+    for name in put:
+        Objects(bucket).put_new(name, evaluated.folder / name)
+    Objects(bucket).put_new("plate.appearance", line.file)
+    signed = obstore.sign(Objects(bucket)._store, "GET", "good-2.mcap", timedelta(minutes=5))
+    places = (evaluated.folder / "good-1.mcap", beneath(bucket, "bad-spot.mcap"), signed)
+    options = ("--appearance", beneath(bucket, "plate.appearance"), "--json", tmp_path / "e.json")
+    assert told(capsys, *places, *options, "--executor", "processes:2")[0] == 0
+    record = json.loads((tmp_path / "e.json").read_text())
+    assert (record["folder"], record["counts"]) == (
+        "good-1.mcap and 2 more", {"good": 2, "bad": 1, "failed": 0, "with_truth": 2}
+    )  # fmt: skip
+    before = {part["name"]: part for part in evaluated.record["parts"]}
+    assert [part["name"] for part in record["parts"]] == ["good-1", "good-2", "bad-spot"]
+    assert all(part == before[part["name"]] for part in record["parts"])
+
+
+def test_several_folders_are_one_set_whose_parts_have_their_names(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    folders = [a_set(tmp_path / name, line, good=line.good) for name in ("monday", "tuesday")]
+    options = ("--appearance", line.file, "--json", tmp_path / "e.json")
+    assert told(capsys, *folders, *options)[0] == 0
+    found = json.loads((tmp_path / "e.json").read_text())
+    assert found["folder"] == "monday and 1 more"
+    assert [part["name"] for part in found["parts"]] == ["monday/good", "tuesday/good"]
+
+
+def test_a_place_that_is_no_part_of_a_set_is_refused(line: Line, tmp_path: Path, capsys: Captured) -> None:
+    folder = a_set(tmp_path / "set", line, good=line.good, other=line.good)
+    for places, said in (
+        ((folder / "good.mcap", folder / "good.mcap"), "two parts would be 'good'; name each part once"),
+        ((folder / "other.mcap",), "its name does not tell what it is; allowed are golden*.mcap, good*.mcap and bad*"),
+        ((folder / "good-9.mcap",), "no such folder or recording; allowed are folders with golden*.mcap"),
+        (("s3://bucket/good.mcap?key=secret",), "'key' is not known"),
+    ):
+        code, out, err = told(capsys, *places, "--appearance", line.file)
+        assert (code, out, err.count("\n")) == (1, "", 1)
+        assert said in err
 
 
 def test_what_was_evaluated_is_said(evaluated: Evaluated, line: Line) -> None:
