@@ -50,12 +50,14 @@ class RejudgedAll(BaseModel):
 
     changed: int
     """Inspections whose verdict would have been another."""
+    gone: int
+    """Of the latest, those left out: the scores of their frames are not kept any more (`keep_scores_days`)."""
     counts: dict[str, dict[str, int]]
     """How many of each verdict, `before` and `now`."""
     inspections: list[Rejudged]
 
 
-@router.post("", response_model=RejudgedAll, responses=problems(404, 409, 500, 503))
+@router.post("", response_model=RejudgedAll, responses=problems(404, 409, 410, 500, 503))
 async def rejudge(product_id: ProductId, asked: Rejudge, service: ServiceDep, who: Engineer) -> RejudgedAll:
     """Try a policy on completed inspections. Where limits fall, regions are missing that had not reached them then."""
     policy = Policy(**asked.policy.model_dump())

@@ -84,6 +84,8 @@ class Settings(BaseSettings):
 
     keep_bytes: Count | None = None
     """Bytes that recordings of inspections may fill, wherever they are; None is no limit but the disk."""
+    keep_scores_days: Annotated[float, Field(gt=0)] = 90.0
+    """Scores of frames are removed so many days after their inspection; its result stays. `inf`: never."""
 
     executor: Annotated[str, Field(pattern=r"^(serial|processes(:[1-9]\d*)?|dask://.+|ray://.+)$")] = (
         f"processes:{max(1, CORES // 2)}"

@@ -15,11 +15,13 @@ inspector.errors.WorldError
 ├── LocatorLost              the process that located is gone
 ├── TooManyTracked           one part more than may be tracked
 ├── NotConcluded             a result that is not there yet
-└── RecordingGone            a recording that is not there any more
+├── RecordingGone            a recording that is not there any more
+└── ScoresGone               scores of frames that are not kept any more
 """
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import ClassVar
 
 from inspector.errors import WorldError
@@ -150,3 +152,14 @@ class RecordingGone(WorldError):
         # What is noted of a kept one is what it lacks, not why it is gone.
         why = self._WHY[recording] if recording == "kept" or not note else note
         super().__init__(f"there is no recording of inspection {inspection_id!r}: {why}")
+
+
+class ScoresGone(WorldError):
+    """Scores of frames that are not kept any more."""
+
+    def __init__(self, inspection_id: str, removed_ns: int) -> None:
+        since = datetime.fromtimestamp(removed_ns / 1e9, UTC)
+        super().__init__(
+            f"there are no scores of the frames of inspection {inspection_id!r} any more: they were removed on "
+            f"{since:%Y-%m-%d}, as the setting `keep_scores_days` has it; its result stays, with its profile"
+        )

@@ -17,6 +17,7 @@ from inspector.scores_json import scores_from_bytes, scores_to_bytes
 from inspector.service.desk import Desk, WorkFailed, naming
 from inspector.service.errors import NotConcluded, RecordingGone
 from inspector.service.files import Files
+from inspector.service.scored import kept_scores
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, StoredInspection
 from models.frame import EncodedPicture
@@ -58,7 +59,7 @@ class Pictures:
         self._scores: OrderedDict[str, tuple[ScoredFrame, ...]] = OrderedDict()
 
     def frame(self, inspection_id: str, index: int) -> ScoredFrame:
-        """What was said of a frame. Raises NoSuchInspection, NotConcluded, NoSuchPicture."""
+        """What was said of a frame. Raises NoSuchInspection, NotConcluded, ScoresGone, NoSuchPicture."""
         scored = self._frame(self._ended(inspection_id), index)
         if scored is None:
             raise NoSuchPicture(inspection_id, index, None, "the inspection has no scores")
@@ -67,7 +68,7 @@ class Pictures:
     def picture(self, inspection_id: str, index: int, kind: str) -> EncodedPicture:
         """`frame`, `expected`, `seen` or `difference`.
 
-        Raises NoSuchInspection, NotConcluded, RecordingGone, NoSuchPicture, WorkFailed.
+        Raises NoSuchInspection, NotConcluded, RecordingGone, ScoresGone, NoSuchPicture, WorkFailed.
         """
         key = inspection_id, index, kind
         with self._lock:
@@ -90,7 +91,9 @@ class Pictures:
         return picture
 
     def _look(self, stored: StoredInspection, index: int, kind: str) -> Json:
-        scored, (recording, thing) = self._frame(stored, index), self._recording(stored)
+        # What was recorded can be shown without its score; how it was compared cannot.
+        as_recorded = kind == "frame" and stored.scores == "removed"
+        scored, (recording, thing) = None if as_recorded else self._frame(stored, index), self._recording(stored)
         appearance = self._files.local_appearance(stored.appearance_id)
         asked = {
             "recording": recording,
@@ -131,12 +134,12 @@ class Pictures:
         return stored
 
     def _frame(self, stored: StoredInspection, index: int) -> ScoredFrame | None:
-        """None for all frames of an inspection that was cut off, and has no scores."""
+        """None for all frames of an inspection that was cut off, and never had scores. Raises ScoresGone."""
         inspection_id = stored.inspection_id
         with self._lock:
             scores = self._scores.get(inspection_id)
         if scores is None:
-            kept = self._store.scores(inspection_id)
+            kept = kept_scores(self._store, stored)
             if kept is None:
                 return None
             scores = scores_from_bytes(kept)

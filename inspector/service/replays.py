@@ -15,10 +15,11 @@ from dataclasses import asdict, dataclass, replace
 from inspector.errors import WorldError
 from inspector.locations import shown_place
 from inspector.service.desk import Desk, naming
-from inspector.service.errors import NoRecipe, RecordingGone
+from inspector.service.errors import NoRecipe, RecordingGone, ScoresGone
 from inspector.service.files import Files
 from inspector.service.folder import new_id
 from inspector.service.recognising import Recognising
+from inspector.service.scored import kept_scores
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json, Recipe, StoredInspection
 from models.verdict import Policy
@@ -156,7 +157,7 @@ class Replays:
     def choose(self, product_id: str, inspection_ids: Sequence[str] | None, last: int) -> list[StoredInspection]:
         """Completed inspections of a product: those named, or the latest live ones, newest first.
 
-        Raises NoSuchProduct, NoSuchInspection, NoScores.
+        Raises NoSuchProduct, NoSuchInspection, NoScores, and of those named ScoresGone.
         """
         self._store.product(product_id)
         if inspection_ids is not None:
@@ -164,6 +165,8 @@ class Replays:
             for each in chosen:
                 if each.product_id != product_id or each.state != "completed":
                     raise NoScores(each.inspection_id, f"of product {each.product_id}, {each.state}")
+                if each.scores_removed_ns is not None:
+                    raise ScoresGone(each.inspection_id, each.scores_removed_ns)
             return chosen
         return list(self._latest(product_id, last))
 
@@ -179,13 +182,18 @@ class Replays:
                 return
 
     def rejudge(self, policy: Policy, chosen: Sequence[StoredInspection]) -> Json:
-        """What another policy would have said of them; nothing is stored. Raises WorkFailed."""
+        """What another policy would have said of them; nothing is stored. Raises WorkFailed.
+
+        Those whose scores are gone are left out, and counted as `gone`.
+        """
         now: dict[str, Json] = {}
         for appearance_id in dict.fromkeys(each.appearance_id for each in chosen):
             path = str(self._files.local_appearance(appearance_id))
             alike = [each for each in chosen if each.appearance_id == appearance_id]
             for at in range(0, len(alike), _AT_A_TIME):
-                some = [self._scored(each) for each in alike[at : at + _AT_A_TIME]]
+                some = list(self._scored(alike[at : at + _AT_A_TIME]))
+                if not some:
+                    continue
                 with naming({path: f"appearance {appearance_id}"}):
                     asked = {"appearance": path, "policy": asdict(policy), "inspections": some}
                     made = self._desk.do("rejudge", asked)
@@ -193,9 +201,11 @@ class Replays:
         found = [
             {"part_id": each.part_id, "ended_ns": each.ended_ns, "before": each.verdict, **now[each.inspection_id]}
             for each in chosen
+            if each.inspection_id in now
         ]
         return {
             "changed": sum(each["before"] != each["now"] for each in found),
+            "gone": len(chosen) - len(found),
             "counts": {
                 "before": dict(Counter(each["before"] for each in found)),
                 "now": dict(Counter(each["now"] for each in found)),
@@ -203,14 +213,19 @@ class Replays:
             "inspections": found,
         }
 
-    def _scored(self, stored: StoredInspection) -> Json:
-        scores, result = self._store.scores(stored.inspection_id), stored.result or {}
-        if scores is None:
-            raise NoScores(stored.inspection_id, stored.state)
-        return {
-            "inspection_id": stored.inspection_id,
-            "scores": b64encode(scores).decode(),
-            "policy": stored.policy,
-            "dropped": result.get("frames_dropped", 0),
-            "stopped": result.get("stopped", False),
-        }
+    def _scored(self, chosen: Sequence[StoredInspection]) -> Iterator[Json]:
+        for stored in chosen:
+            try:
+                scores = kept_scores(self._store, stored)
+            except ScoresGone:
+                continue
+            if scores is None:
+                raise NoScores(stored.inspection_id, stored.state)
+            result = stored.result or {}
+            yield {
+                "inspection_id": stored.inspection_id,
+                "scores": b64encode(scores).decode(),
+                "policy": stored.policy,
+                "dropped": result.get("frames_dropped", 0),
+                "stopped": result.get("stopped", False),
+            }

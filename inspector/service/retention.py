@@ -1,7 +1,12 @@
-"""Which recordings of inspections stay. Results and scores stay all; so do sweeps that were uploaded or learnt from."""
+"""What stays of inspections: which recordings, and how long the scores of frames.
+
+Results stay all, a few kilobytes each; so do sweeps that were uploaded or learnt from. Scores of parts that are OK go
+no sooner than others: they are what another policy is tried on.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
@@ -14,6 +19,9 @@ from inspector.stores.records import StoredRecording
 
 DAY_NS = 86_400_000_000_000
 BATCH = 500
+SCORES_AT_A_TIME, REST_SECONDS = 20, 0.01
+"""Inspections whose scores go in one transaction, and what lies between two: on SQLite, which has one writer, a line
+that concludes waits for one transaction, some 10 ms, and finds its turn then."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +121,25 @@ def tidy(
     for recording in takewhile(lambda _: not enough(), crowded_out(kept, too_much)):
         remove(recording, full)
     return Tidied(len(removed), sum(each.bytes for each in removed), tuple(failures))
+
+
+def remove_scores(
+    store: AbstractStore,
+    days: float,
+    now_ns: int,
+    *,
+    enough: Callable[[], bool] = lambda: False,
+    sleep: Callable[[float], object] = time.sleep,
+) -> int:
+    """Of how many inspections, that ended more than so many days ago, the scores were removed until it was `enough`."""
+    before_ns, gone = now_ns - int(min(days * DAY_NS, now_ns)), 0
+    while not enough():
+        some = store.remove_scores(before_ns, SCORES_AT_A_TIME, now_ns)
+        gone += some
+        if some < SCORES_AT_A_TIME:
+            break
+        sleep(REST_SECONDS)
+    return gone
 
 
 def _too_much(recorded: int, free: int | None, rules: Retention) -> tuple[int, str]:

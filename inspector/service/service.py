@@ -27,7 +27,7 @@ from inspector.service.pictures import Pictures
 from inspector.service.publishing import Publishing
 from inspector.service.recognising import Recognising
 from inspector.service.replays import Replays
-from inspector.service.retention import DAY_NS, Retention, tidy
+from inspector.service.retention import DAY_NS, Retention, remove_scores, tidy
 from inspector.service.running import Bounds
 from inspector.service.sweeps import Sweeps
 from inspector.service.trends import Trends
@@ -202,6 +202,8 @@ class Service:
             log.error("recording", state="kept", error=failure)
         if done.removed:
             log.info("recordings", state="removed", count=done.removed, bytes=done.bytes)
+        if gone := remove_scores(self.store, settings.keep_scores_days, now, enough=self._stopping.is_set):
+            log.info("scores", state="removed", inspections=gone)
 
     async def troubles(self) -> list[str]:
         """A sentence for each thing that keeps the service from its work."""

@@ -391,7 +391,7 @@ class AbstractStore(ABC):
         reason: str | None = None,
         node: str | None = None,
     ) -> StoredInspection:
-        """The inspection, ended; its scores are kept as they are, its checkpoints go.
+        """The inspection, ended; its scores, which come with a result, are kept as they are, its checkpoints go.
 
         Raises NoSuchInspection, AlreadyConcluded, and NotOwner unless `node` has it; None where no service has it.
         """
@@ -458,7 +458,15 @@ class AbstractStore(ABC):
 
     @abstractmethod
     def scores(self, inspection_id: str) -> bytes | None:
-        """As handed to `conclude_inspection`; None where there are none. Raises NoSuchInspection."""
+        """As handed to `conclude_inspection`; None where there are none, or none any more. Raises NoSuchInspection."""
+
+    @abstractmethod
+    def remove_scores(self, before_ns: int, limit: int, t_ns: int) -> int:
+        """Of inspections that ended before that time, the first that ended and so many at the most, the scores go.
+
+        Everything else stays, and says since when they are gone: `t_ns`. How many inspections it was; fewer than
+        `limit` where there are no more. What it costs does not depend on how many there are.
+        """
 
     @abstractmethod
     def abort_processing(self, t_ns: int, why: str) -> tuple[str, ...]:

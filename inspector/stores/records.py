@@ -13,6 +13,7 @@ InspectionSource = Literal["live", "replay"]
 SweepSource = Literal["upload", "camera"]
 WorkspaceSource = Literal["upload", "pictures"]
 RecordingState = Literal["being written", "kept", "none", "removed"]
+ScoresState = Literal["being written", "kept", "none", "removed"]
 Decision = Literal["confirm", "overrule"]
 Role = Literal["viewer", "operator", "engineer", "admin"]
 Json = dict[str, Any]
@@ -158,6 +159,17 @@ class StoredInspection:
     """Since when no service has it."""
     takes: int = 0
     """How often a service took it over."""
+    scores_removed_ns: int | None = None
+    """Since when the scores of its frames are not kept any more."""
+
+    @property
+    def scores(self) -> ScoresState:
+        """What became of the scores of its frames: they come with a result."""
+        if self.state == "processing":
+            return "being written"
+        if self.result is None:
+            return "none"
+        return "kept" if self.scores_removed_ns is None else "removed"
 
 
 @dataclass(frozen=True)

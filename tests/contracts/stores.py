@@ -58,7 +58,7 @@ from inspector.stores.records import (
     StoredWorkspace,
     Sweep,
 )
-from inspector.stores.sql import SqlStore
+from inspector.stores.sql import SqlStore, inspections
 from inspector.stores.sql.tables import METADATA
 from tests.system.repository import ROOT
 
@@ -69,6 +69,12 @@ SWEEP = Sweep("s1", "plate", "0001", NOW, 398, 5_000_000_000, "ab" * 32, "upload
 APPEARANCE = StoredAppearance(
     "sha256:1", "plate", NOW, ("s1",), {"b": [1.5], "a": None}, ("only one sweep",), 7_000_000
 )
+BEFORE_AGES = (
+    "DROP INDEX ix_inspections_scored",
+    "DROP INDEX ix_inspections_part_id_number",
+    "ALTER TABLE inspections DROP COLUMN scores_removed_ns",
+)
+"""What leads from revision 0005 back to 0004."""
 ONE_SENTENCE = re.compile(r"[^\n]{20,400}")
 
 
@@ -359,6 +365,26 @@ class StoreContract(ABC):
         with pytest.raises(AlreadyConcluded, match="inspection 'i2' is aborted already"):
             conclude(store, "i2")
 
+    def test_scores_go_by_age_and_everything_else_stays(self, store: AbstractStore) -> None:
+        learnt(store)
+        for k in range(6):
+            begin(store, f"i{k}")
+        for k, ended_ns in enumerate((40, 10, 30, 20)):
+            conclude(store, f"i{k}", "NG", ended_ns=ended_ns, result={"k": k}, scores=bytes([k]))
+        store.conclude_inspection(
+            "i4", "failed", verdict=None, ended_ns=5, result=None, scores=None, reason="its scorer died"
+        )
+        was = [store.inspection(f"i{k}") for k in range(6)]
+        assert [each.scores for each in was] == ["kept"] * 4 + ["none", "being written"]
+        assert store.remove_scores(40, 2, NOW) == 2
+        assert [store.scores(f"i{k}") for k in range(6)] == [b"\0", None, b"\2", None, None, None]
+        assert [store.remove_scores(40, 2, NOW + 1), store.remove_scores(40, 2, NOW + 2)] == [1, 0]
+        assert [store.scores(f"i{k}") for k in range(4)] == [b"\0", None, None, None]
+        now = [store.inspection(f"i{k}") for k in range(6)]
+        assert [each.scores_removed_ns for each in now] == [None, NOW, NOW + 1, NOW, None, None]
+        assert [each.scores for each in now] == ["kept"] + ["removed"] * 3 + ["none", "being written"]
+        assert [replace(each, scores_removed_ns=None) for each in now] == was
+
     def test_what_a_crash_left_in_processing_is_aborted(self, store: AbstractStore) -> None:
         learnt(store)
         for k in range(3):
@@ -392,15 +418,23 @@ class StoreContract(ABC):
                 ask = partial(store.inspections, limit=limit, **filters)
                 assert wanted == list(all_pages(lambda after, ask=ask: ask(after=after)))
 
-    def test_parts_are_found_by_how_their_number_begins(self, store: AbstractStore) -> None:
+    @pytest.mark.parametrize("few", [0, 2, 10_000])
+    def test_parts_are_found_by_how_their_number_begins(
+        self, store: AbstractStore, monkeypatch: pytest.MonkeyPatch, few: int
+    ) -> None:
+        monkeypatch.setattr(inspections, "_FEW", few)
         learnt(store)
-        parts = ["A_1", "Ax1", "a_1", "A_", "B", "%", None]
+        parts = ["A_1", "Ax1", "a_1", "A_", "B", "%", None, "Ü1", "Ü😀", "Ý"]
         for part in parts:
             begin(store, f"of {part}", part_id=part)
-        for asked in ("A_", "A", "%", "a", "A_12", "Ü"):
+        for asked in ("A_", "A", "%", "a", "A_12", "Ü", "U"):
             found = [each.part_id for each in store.inspections(part=asked).items]
             assert found == [each for each in reversed(parts) if each is not None and each.startswith(asked)]
         assert len(store.inspections(product_id="plate", part="A", limit=2).items) == 2
+        for limit in (1, 2, 3):
+            ask = partial(store.inspections, part="A", limit=limit)
+            paged = all_pages(lambda after, ask=ask: ask(after=after))
+            assert [each.part_id for each in paged] == ["A_", "Ax1", "A_1"]
 
     def test_what_comes_while_paging_moves_nothing(self, store: AbstractStore) -> None:
         for k in range(9):
@@ -804,6 +838,7 @@ class DurableStoreContract(StoreContract):
             job = store.add_job("j1", "learn", "plate", {"sweep_ids": ["s1"]}, NOW)
             behind(
                 store,
+                *BEFORE_AGES,
                 "DROP TABLE workspaces",
                 *(f"DROP TABLE {name}" for name in ("nodes", "told", "checkpoints", "checkpoint_parts")),
                 "DROP INDEX ix_claims_pending",
@@ -819,6 +854,17 @@ class DurableStoreContract(StoreContract):
             assert (store.job("j1"), store.add_job("j2", "workspace", None, {}, NOW).product_id) == (job, None)
             with pytest.raises(DBAPIError, match="the audit trail is append-only"):
                 behind(store, "DELETE FROM audit")
+
+    def test_scores_of_a_database_of_before_their_ages_go_by_age(self, url: str) -> None:
+        with open_store(url) as store:
+            learnt(store)
+            was = [conclude(store, begin(store, f"i{k}").inspection_id, ended_ns=k) for k in range(3)]
+            behind(store, *BEFORE_AGES, "UPDATE alembic_version SET version_num = '0004'")
+        with open_store(url) as store:
+            assert [store.inspection(f"i{k}") for k in range(3)] == was
+            assert store.remove_scores(2, 10, NOW) == 2
+            assert [store.scores(f"i{k}") for k in range(3)] == [None, None, b"scores"]
+            assert [store.inspection(f"i{k}").scores for k in range(3)] == ["removed", "removed", "kept"]
 
     def test_processes_that_open_a_new_store_at_once_all_get_it(self, url: str) -> None:
         processes = [process(OPENS, url, f"p{k}") for k in range(3)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sqlalchemy import func, insert, select, update
+from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 
 from inspector.stores.base import NoSuchInspection, NoSuchRecipe, NotEnded, NothingToDecide
 from inspector.stores.records import (
@@ -24,6 +24,9 @@ from inspector.stores.sql.room import Room, product_row, row_by, write_down
 from inspector.stores.sql.tables import DISPOSITIONS, INSPECTIONS, PRODUCTS, RECIPES, SCORES
 
 _COLUMN = INSPECTIONS.c
+_FEW = 10_000
+"""Inspections of parts that begin alike: so many are looked up. Of more, the newest are soon met by going through
+all."""
 _LAST_WORD = "decision", "verdict", "comment", "actor", "t_ns"
 
 
@@ -173,10 +176,9 @@ class Inspections(Room):
         query = select(INSPECTIONS).where(
             *(_COLUMN[name] == value for name, value in asked.items() if value is not None)
         )
-        if part is not None:
-            # LIKE would not tell the same letters apart in every database.
-            query = query.where(func.substr(_COLUMN.part_id, 1, len(part)) == part)
         with self._database.reading() as connection:
+            if part is not None:
+                query = query.where(_begins(connection, part))
             return page(connection, query, StoredInspection, after, limit)
 
     def scores(self, inspection_id: str) -> bytes | None:
@@ -184,6 +186,16 @@ class Inspections(Room):
             inspection_row(connection, inspection_id)
             query = select(SCORES.c.scores).where(SCORES.c.inspection_id == inspection_id)
             return connection.execute(query).scalar_one_or_none()
+
+    def remove_scores(self, before_ns: int, limit: int, t_ns: int) -> int:
+        # As the index has it, in which nothing is whose scores are gone.
+        kept = (_COLUMN.result.is_not(None), _COLUMN.scores_removed_ns.is_(None))
+        due = select(_COLUMN.number).where(*kept, _COLUMN.ended_ns < before_ns).order_by(_COLUMN.ended_ns).limit(limit)
+        marked = update(INSPECTIONS).where(_COLUMN.number.in_(due)).values(scores_removed_ns=t_ns)
+        with self._database.writing() as connection:
+            gone = connection.execute(marked.returning(_COLUMN.inspection_id)).scalars().all()
+            connection.execute(delete(SCORES).where(SCORES.c.inspection_id.in_(gone)))
+            return len(gone)
 
     def abort_processing(self, t_ns: int, why: str) -> tuple[str, ...]:
         statement = (
@@ -220,3 +232,15 @@ class Inspections(Room):
             query = query.where(_COLUMN.number > after)
         with self._database.reading() as connection:
             return tuple(made(StoredRecording, row) for row in connection.execute(query))
+
+
+def _begins(connection: Connection, part: str) -> ColumnElement[bool]:
+    """By the index or by looking at each: planners know too little of how texts begin to choose."""
+    among = INSPECTIONS.alias()
+    # By bytes, as both indexes are. LIKE would not tell the same letters apart in every database.
+    first, beyond = (">=", "<") if connection.dialect.name == "sqlite" else ("~>=~", "~<~")
+    alike = (among.c.part_id.bool_op(first)(part), among.c.part_id.bool_op(beyond)(part + chr(0x10FFFF)))
+    few = select(among.c.number).where(*alike).limit(_FEW + 1)
+    if connection.execute(select(func.count()).select_from(few.subquery())).scalar_one() <= _FEW:
+        return _COLUMN.number.in_(few)
+    return func.substr(_COLUMN.part_id, 1, len(part)) == part

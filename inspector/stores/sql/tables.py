@@ -151,6 +151,8 @@ RECIPES = Table(
     sqlite_autoincrement=True,
 )
 
+_SCORED = text("result IS NOT NULL AND scores_removed_ns IS NULL")
+
 INSPECTIONS = Table(
     "inspections",
     METADATA,
@@ -178,6 +180,7 @@ INSPECTIONS = Table(
     Column("node", Words),
     Column("left_ns", BigInteger),
     Column("takes", BigInteger, nullable=False, server_default=text("0")),
+    Column("scores_removed_ns", BigInteger),
     ForeignKeyConstraint(["product_id", "appearance_id"], ["appearances.product_id", "appearances.appearance_id"]),
     Index(None, "product_id", "number"),
     Index(None, "verdict", "number"),
@@ -185,6 +188,9 @@ INSPECTIONS = Table(
     Index(None, "state", "number"),
     Index(None, "source", "number"),
     Index(None, "recording", "number"),
+    Index(None, "part_id", "number", postgresql_ops={"part_id": "text_pattern_ops"}),
+    # What has scores, by age: how many have none any more does not matter to who removes more of them.
+    Index("ix_inspections_scored", "ended_ns", sqlite_where=_SCORED, postgresql_where=_SCORED),
     sqlite_autoincrement=True,
 )
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from inspector.service import retention
 from inspector.service.files import Files, Kind
 from inspector.service.folder import DataFolder, new_id
-from inspector.service.retention import DAY_NS, Retention, crowded_out, due, over, tidy
+from inspector.service.retention import DAY_NS, Retention, crowded_out, due, over, remove_scores, tidy
 from inspector.service.service import Service
 from inspector.settings import Settings
 from inspector.stores import AbstractStore, open_store
@@ -90,7 +90,7 @@ class Folder:
         self.of(inspection_id).write_bytes(bytes(100))
         if verdict is not None:
             self.store.conclude_inspection(
-                inspection_id, "completed", verdict=verdict, ended_ns=ended_ns, result=None, scores=None
+                inspection_id, "completed", verdict=verdict, ended_ns=ended_ns, result={}, scores=b"scores"
             )
             self.store.set_recording(inspection_id, "kept", 100)
 
@@ -197,18 +197,37 @@ def test_in_a_bucket_recordings_go_by_days_and_bytes(tmp_path: Path, buckets: Bu
     place.close()
 
 
+@pytest.mark.parametrize("at_a_time", [1, 2, 3, 100])
+def test_scores_go_after_their_days_whatever_the_verdict(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch, at_a_time: int
+) -> None:
+    monkeypatch.setattr(retention, "SCORES_AT_A_TIME", at_a_time)
+    for name, verdict, days in zip("abcd", ["OK", "NG", "REVIEW", "NG"], [4, 3, 2.5, 1], strict=True):
+        folder.add(name, verdict, ended_ns=NOW - round(days * DAY_NS))
+    folder.add("e", None)
+    store = folder.store
+    assert [remove_scores(store, days, NOW) for days in (float("inf"), 1e9, 4.0)] == [0, 0, 0]
+    assert remove_scores(store, 2.5, NOW, enough=lambda: True) == 0
+    assert remove_scores(store, 2.5, NOW) == 2
+    assert [name for name in "abcde" if store.scores(name) is not None] == ["c", "d"]
+    assert [store.inspection(name).scores_removed_ns for name in "abcde"] == [NOW, NOW, None, None, None]
+    assert folder.there() == "abcde"
+    assert [remove_scores(store, 1e-9, NOW), remove_scores(store, 1e-9, NOW)] == [2, 0]
+
+
 def test_a_service_removes_what_is_due(tmp_path: Path) -> None:
-    settings = Settings(data=tmp_path, keep_days=30, keep_disk_share=1, scorers=1)
+    settings = Settings(data=tmp_path, keep_days=30, keep_scores_days=30, keep_disk_share=1, scorers=1)
     old, young = new_id(), new_id()
 
-    async def serve() -> tuple[str, str]:
+    async def serve() -> list[tuple[str, str]]:
         service = Service(settings)
         await service.start()
         try:
             async with asyncio.timeout(30):
-                while service.store.inspection(old).recording == "kept":
+                while service.store.inspection(old).scores == "kept":
                     await asyncio.sleep(0.01)
-            return service.store.inspection(old).recording, service.store.inspection(young).recording
+            found = [service.store.inspection(each) for each in (old, young)]
+            return [(each.recording, each.scores) for each in found]
         finally:
             await service.stop("test")
 
@@ -217,5 +236,5 @@ def test_a_service_removes_what_is_due(tmp_path: Path) -> None:
         folder = Folder(tmp_path / "inspections", store)
         folder.add(old, "NG", ended_ns=0)
         folder.add(young, "NG", ended_ns=time.time_ns())
-    assert asyncio.run(serve()) == ("removed", "kept")
+    assert asyncio.run(serve()) == [("removed", "removed"), ("kept", "kept")]
     assert [file.stem for file in (tmp_path / "inspections").iterdir()] == [young]
