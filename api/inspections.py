@@ -83,11 +83,15 @@ async def result(
     who: Viewer,
     frames: Annotated[bool, Query(description="With the score of every frame.")] = True,
 ) -> Response:
-    """The result, as it was when it was concluded."""
+    """The result, as it was when it was concluded.
+
+    The scores of its frames are kept for so many days (`keep_scores_days`): afterwards `frames` is null, and
+    `frames_note` says so. All else stays.
+    """
     return tagged(request, await in_thread(whole_result, service, inspection_id, frames))
 
 
-@router.get("/{inspection_id}/scores", response_model=Scores, responses=problems(404))
+@router.get("/{inspection_id}/scores", response_model=Scores, responses=problems(404, 410))
 async def scores(
     *,
     request: Request,
@@ -97,7 +101,7 @@ async def scores(
     after: Annotated[int, Query(ge=-1, description="Index of the last frame that is known; -1 for none.")] = -1,
     limit: Annotated[int, Query(ge=1, le=MAX_SCORES)] = 1000,
 ) -> Response:
-    """Scored frames with a higher index, while the inspection runs and ever after."""
+    """Scored frames with a higher index, while the inspection runs and as long as they are kept."""
     stored = await in_thread(service.store.inspection, inspection_id)
     running = service.inspections.find(inspection_id)
     if stored.state == "processing" and running is not None:

@@ -77,7 +77,7 @@ async def latest(request: Request, inspection_id: Id, service: ServiceDep, who: 
     return Response(received, 200, headers | told, f"image/{kind_of(received)}")
 
 
-@router.get("/{inspection_id}/frames/{index}", response_model=FrameOut, responses=problems(404, 409))
+@router.get("/{inspection_id}/frames/{index}", response_model=FrameOut, responses=problems(404, 409, 410))
 async def frame(request: Request, inspection_id: Id, index: Index, service: ServiceDep, who: Viewer) -> Response:
     """What was said of a frame of an inspection that has ended."""
     scored = await in_thread(service.pictures.frame, inspection_id, index)

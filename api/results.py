@@ -8,9 +8,10 @@ from pydantic import BaseModel
 
 from inspector.result_json import frame_records
 from inspector.scores_json import scores_from_bytes
-from inspector.service.errors import NotConcluded
+from inspector.service.errors import NotConcluded, ScoresGone
+from inspector.service.scored import kept_scores
 from inspector.service.service import Service
-from inspector.stores.records import Decision, InspectionSource, InspectionState, StoredInspection
+from inspector.stores.records import Decision, InspectionSource, InspectionState, Json, StoredInspection
 
 
 class Disposition(BaseModel):
@@ -53,6 +54,8 @@ class Inspection(BaseModel):
     recording: str
     """`being written`, `kept`, `none`, `removed`."""
     recording_note: str | None
+    scores: str
+    """Of its frames: `being written`, `kept`, `none`, `removed`."""
     next_sequence: int | None
     """The number that the next frame may have, where it is processing here."""
     profile: list[float | None] | None
@@ -77,7 +80,10 @@ def told(stored: StoredInspection, service: Service, profile: bool = True) -> In
 
 
 def whole_result(service: Service, inspection_id: str, frames: bool = True) -> bytes:
-    """The result as JSON, from the store. Blocks. Raises NoSuchInspection, NotConcluded."""
+    """The result as JSON, from the store. Blocks. Raises NoSuchInspection, NotConcluded.
+
+    Where the scores of its frames are not kept any more, `frames` is null, and `frames_note` says why.
+    """
     stored = service.store.inspection(inspection_id)
     if stored.state == "processing":
         raise NotConcluded(inspection_id)
@@ -86,13 +92,19 @@ def whole_result(service: Service, inspection_id: str, frames: bool = True) -> b
         said = {name: getattr(stored, name) for name in names}
         bare = {"result_state": stored.state, "is_partial": True, "reasons": [stored.reason or ""], "frames": []}
         return json.dumps(said | bare).encode()
-    scores = service.store.scores(inspection_id) if frames else None
-    more = {"frames": frame_records(scores_from_bytes(scores))} if scores is not None else {}
-    return json.dumps(stored.result | more).encode()
+    return json.dumps(stored.result | (_frames(service, stored) if frames else {})).encode()
+
+
+def _frames(service: Service, stored: StoredInspection) -> Json:
+    try:
+        scores = kept_scores(service.store, stored)
+    except ScoresGone as gone:
+        return {"frames": None, "frames_note": str(gone)}
+    return {"frames": frame_records(scores_from_bytes(scores))} if scores is not None else {}
 
 
 def stored_scores(service: Service, stored: StoredInspection, after: int, limit: int) -> bytes:
-    """Scored frames with a higher index, of an inspection that has ended. Blocks."""
-    scores = service.store.scores(stored.inspection_id)
+    """Scored frames with a higher index, of an inspection that has ended. Blocks. Raises ScoresGone."""
+    scores = kept_scores(service.store, stored)
     frames = scores_from_bytes(scores)[after + 1 : after + 1 + limit] if scores is not None else ()
     return json.dumps({"items": frame_records(frames), "next": after + len(frames), "state": stored.state}).encode()

@@ -148,6 +148,21 @@ def copied(data: Path, inspection_id: str, count: int) -> None:
         )
 
 
+def remove_scores(data: Path, inspection_id: str) -> None:
+    """As housekeeping does, had this inspection ended long ago; of no other."""
+    with closing(sqlite3.connect(data / "service.sqlite", timeout=30)) as database:
+        (ended,) = database.execute(
+            "SELECT ended_ns FROM inspections WHERE inspection_id = ?", [inspection_id]
+        ).fetchone()
+        ends = "UPDATE inspections SET ended_ns = ? WHERE inspection_id = ?"
+        with database:
+            database.execute(ends, [1, inspection_id])
+        with open_store(f"sqlite:{data}/service.sqlite") as store:
+            assert store.remove_scores(2, 2, time.time_ns()) == 1
+        with database:
+            database.execute(ends, [ended, inspection_id])
+
+
 def begin(client: TestClient, part: str = PART) -> str:
     answer = client.post("/v1/inspections", json={"product_id": PRODUCT, "part_id": part})
     assert answer.status_code == 201, answer.text

@@ -20,7 +20,7 @@ from inspector.recording import SweepReader
 from inspector.service.service import Service
 from inspector.settings import read_settings
 from models.verdict import Policy
-from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, learnt, picture, post, teach
+from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, learnt, picture, post, remove_scores, teach
 
 HERE = "http://127.0.0.1"
 
@@ -121,6 +121,31 @@ def test_scores_can_be_read_while_it_runs_and_ever_after(client: TestClient):
     after = client.get(f"{path}?after=1&limit=2").json()
     assert (after["state"], after["next"], [each["index"] for each in after["items"]]) == ("completed", 3, [2, 3])
     assert after["items"][0] == {k: v for k, v in live["items"][2].items() if k not in ("n", "kind", "sequence")}
+
+
+def test_scores_that_are_not_kept_any_more_are_never_taken_for_none(client: TestClient, service: Service):
+    inspection = begin(client)
+    feed(client, inspection)
+    result = client.post(f"/v1/inspections/{inspection}/conclude").json()
+    path, rejudge = f"/v1/inspections/{inspection}", f"/v1/products/{PRODUCT}/rejudge"
+    before = client.get(path).json()
+    assert before["scores"] == "kept"
+    remove_scores(service.settings.data, inspection)
+    assert client.get(path).json() == before | {"scores": "removed"}
+    said = wrong(client.get(f"{path}/scores"), 410, f"the frames of inspection '{inspection}' any more")
+    assert "`keep_scores_days`" in said["detail"]
+    now = client.get(f"{path}/result").json()
+    assert now == result | {"frames": None, "frames_note": said["detail"]}
+    assert "frames" not in client.get(f"{path}/result?frames=false").json()
+    peak = result["deviations"][0]["peak_index"]
+    assert client.get(f"{path}/frames/{peak}/pictures/frame").content == picture(frames()[peak])
+    for asked in (f"{path}/frames/{peak}", f"{path}/frames/{peak}/pictures/seen"):
+        wrong(client.get(asked), 410, "`keep_scores_days`")
+    wrong(client.post(rejudge, json={"policy": {}, "inspection_ids": [inspection]}), 410, "`keep_scores_days`")
+    latest = client.post(rejudge, json={"policy": {}, "last": 1}).json()
+    assert (latest["gone"], latest["inspections"], latest["changed"]) == (1, [], 0)
+    again = client.post("/v1/replays", json={"inspection_id": inspection}).json()
+    assert (again["digest"], again["frames"]) == (result["digest"], result["frames"])
 
 
 def test_a_frame_that_is_sent_again_is_not_scored_twice(client: TestClient):

@@ -330,6 +330,7 @@ def test_a_policy_is_tried_on_what_was_inspected_and_nothing_changes(
     told = client.post(path, json={"policy": {"sensitivity": 0.01}}).json()
     (one,) = told["inspections"]
     assert (one["inspection_id"], one["before"], one["now"]) == (inspected["inspection_id"], "NG", "OK")
+    assert told["gone"] == 0
     assert (told["changed"], told["counts"]) == (1, {"before": {"NG": 1}, "now": {"OK": 1}})
     same = client.post(path, json={"policy": {}, "inspection_ids": [inspected["inspection_id"]]}).json()
     assert (same["changed"], same["inspections"][0]["reasons"]) == (0, inspected["reasons"])

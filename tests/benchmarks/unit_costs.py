@@ -205,9 +205,11 @@ class Database:
         assert row is not None
         return int(row[0])
 
-    def kept(self) -> int:
-        """Bytes of all tables with their indexes."""
-        row = self.connection.execute("SELECT pg_database_size(current_database())").fetchone()
+    def kept(self, *tables: str) -> int:
+        """Bytes of all tables, or of those named, with their indexes."""
+        sizes = (f"pg_total_relation_size('{table}')" for table in tables)
+        asked = " + ".join(sizes) or "pg_database_size(current_database())"
+        row = self.connection.execute(f"SELECT {asked}".encode()).fetchone()
         assert row is not None
         return int(row[0])
 
@@ -260,6 +262,10 @@ def rows(store: AbstractStore, database: Database, record: dict[str, Any], score
     database.cost("a row: begin", 500, lambda i: begun(i, "a"))
     database.cost("a row: conclude", 500, concluded, result_bytes=size, scores_bytes=float(len(scores)))
     database.cost("a row: recording", 500, lambda i: store.set_recording(f"a{i:031}", "kept", 7 << 20))
+    database.cost("rows: scores of twenty inspections removed", 20, lambda _: store.remove_scores(500, 20, 1))
+    store.remove_scores(500, 100, 1)
+    database.connection.execute("VACUUM FULL")
+    said("what stays of an inspection", table_bytes=database.kept("inspections", "scores") / 500)
     one = begun(0, "b")
     database.cost(
         "a checkpoint",

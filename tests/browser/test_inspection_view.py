@@ -13,7 +13,7 @@ from inspector.cameras import open_camera
 from inspector.cameras.simulated.camera import SimulatedCamera
 from inspector.cameras.simulated.truth import FrameTruth
 from inspector.recording import SweepReader
-from tests.api.stations import BAD, GOOD, LINE, frames
+from tests.api.stations import BAD, GOOD, LINE, frames, remove_scores
 from tests.browser.conftest import Seen, Station
 
 EARLY = f"{GOOD}&early=6"
@@ -303,6 +303,29 @@ def test_what_is_not_there_is_told(seen: Seen, station: Station) -> None:
     page.wait_for_selector(".pane-message >> text=its file is not where it was kept")
     assert page.locator(".panes").is_hidden()
     seen.shot("inspection-no-recording", full=True)
+
+
+def test_scores_that_are_not_kept_any_more_are_told_and_the_profile_is_shown(seen: Seen, station: Station) -> None:
+    old = station.inspect(BAD, "old-1")
+    remove_scores(station.data, old["inspection_id"])
+    page = seen.open(address(old["inspection_id"]), wait=".panel.sweep .warning")
+    said = page.locator(".panel.sweep").inner_text()
+    assert "The scores of its frames are not kept any more (the setting keep_scores_days)" in said
+    assert "a replay scores the frames once more" in said
+    assert page.locator(".panel.sweep [role=img]").get_attribute("aria-label") == (
+        "Highest score in each fiftieth of the sweep, along s, with the limit at 1"
+    )
+    assert texts(seen, ".at-head .verdict") == ["✕\nNG"]
+    assert page.locator(".at-found tbody tr").count() == len(old["deviations"])
+    assert page.locator(".at-found .unseen").count() == 0
+    facts = page.locator(".at-facts").inner_text()
+    for fact in ("39 scored, 0 dropped", "removed", old["digest"]):
+        assert fact in facts
+    assert page.locator(".raw").is_hidden()
+    seen.both("inspection-no-scores", full=True)
+    page.click(".actions >> text=Replay")
+    page.wait_for_selector(".chip >> text=not from production")
+    at_frame(seen, old["deviations"][0]["peak_index"])
 
 
 def test_nothing_came_yet(seen: Seen, station: Station) -> None:

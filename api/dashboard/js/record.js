@@ -48,6 +48,7 @@ export function facts(inspection, result, counts) {
     ["Recipe", h("code", {}, inspection.recipe_id ?? "–")],
     ["Appearance", h("code", {}, inspection.appearance_id)],
     promise ? ["Limits", `for ${percent(promise.target, 1)} false rejects, from ${promise.sweeps} golden sweep${promise.sweeps === 1 ? "" : "s"}`] : null,
+    inspection.scores === "removed" ? ["Scores of frames", "removed"] : null,
     ["Recording", inspection.recording + (inspection.recording_note ? `: ${inspection.recording_note}` : "")],
     ["Digest", h("code", {}, inspection.digest ?? "–")],
     ["Inspection", h("code", {}, inspection.inspection_id)],
@@ -55,13 +56,15 @@ export function facts(inspection, result, counts) {
   return h("dl", { class: "facts" }, rows.filter(Boolean).map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]));
 }
 
-/** The deviations as a table; `picked(index)` is told the frame of the peak. */
+/** The deviations as a table; `picked(index)` is told the frame of the peak; null where there are no frames to look at. */
 export function deviationList(deviations, picked, isRunning) {
   if (!deviations.length) return h("p", { class: "note" }, isRunning ? "Nothing over the limit so far." : "No deviation.");
+  const place = (each, number) => `${number + 1}: s ${fixed(each.s_start, 3)}–${fixed(each.s_end, 3)}`;
   const row = (each, number) =>
     h("tr", {},
-      h("td", {}, h("button", { type: "button", class: "link", onclick: () => picked(each.peak_index) },
-        `${number + 1}: s ${fixed(each.s_start, 3)}–${fixed(each.s_end, 3)}`)),
+      h("td", {}, picked
+        ? h("button", { type: "button", class: "link", onclick: () => picked(each.peak_index) }, place(each, number))
+        : place(each, number)),
       h("td", {}, each.kind),
       h("td", {}, polarity(each.polarity)),
       h("td", { class: "number" }, fixed(each.peak_score)),

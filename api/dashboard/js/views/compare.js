@@ -58,7 +58,7 @@ async function read(id, api, signal) {
   const inspection = await api.get(path, { signal });
   const result = inspection.state === "processing" ? null : await api.get(`${path}/result?frames=false`, { signal });
   const sweep = new Sweep();
-  for (let items = { length: PAGE }; items.length === PAGE; ) {
+  for (let items = { length: inspection.scores === "removed" ? 0 : PAGE }; items.length === PAGE; ) {
     ({ items } = await api.get(api.url(`${path}/scores`, { after: sweep.length - 1, limit: PAGE }), { signal }));
     sweep.add(items);
   }
@@ -163,6 +163,8 @@ function both(root, sides, params, app, gone) {
     h("div", { class: "two" }, card("a", a, picked(b, app, "a")), card("b", b, picked(a, app, "b"))),
     SIDES.filter((name) => sides[name].inspection.state === "processing").map((name) =>
       h("p", { class: "warning", role: "status" }, `${name.toUpperCase()} is still running: what is here of it are its first ${sides[name].sweep.length} frames. The rest, and its pictures, come when it has ended.`)),
+    SIDES.filter((name) => sides[name].inspection.scores === "removed").map((name) =>
+      h("p", { class: "warning", role: "status" }, `The scores of the frames of ${name.toUpperCase()} are not kept any more: there is nothing to match.${sides[name].inspection.recording === "kept" ? " A replay of its recording has them." : ""}`)),
     one.product_id === other.product_id ? null
       : h("p", { class: "warning", role: "alert" }, `These are sweeps of two products, ${one.product_id} and ${other.product_id}.`),
     one.appearance_id === other.appearance_id ? null : unlike(a, b, app),

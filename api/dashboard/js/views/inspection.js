@@ -4,6 +4,7 @@ import { curves } from "../curves.js";
 import { disposition } from "../disposition.js";
 import { atFrame, fixed, h, moment, replace, settled, standing, verdict } from "../dom.js";
 import { panes } from "../panes.js";
+import { profile } from "../profile.js";
 import { deviationList, facts, frameLine, origin, overLimit, tally, unseenList } from "../record.js";
 import { scrubber } from "../scrubber.js";
 import { Shelf } from "../shelf.js";
@@ -28,6 +29,8 @@ export async function show(root, params, app) {
   const sweep = new Sweep();
   const shelf = new Shelf();
   const running = () => inspection.state === "processing";
+  /** Its frames' scores are not kept any more, and were not read before. */
+  const bare = () => inspection.scores === "removed" && !sweep.length;
 
   const parts = ["head", "reasons", "readout", "pictures", "found", "said", "facts"];
   const at = Object.fromEntries(parts.map((name) => [name, h("div", { class: `at-${name}` })]));
@@ -43,11 +46,13 @@ export async function show(root, params, app) {
   const raw = h("details", { class: "panel raw", ontoggle: () => numbers.choose(current) },
     h("summary", {}, "Raw numbers of every frame"), numbers.root);
   let pictures = null;
+  let left = null;
+  const along = h("section", { class: "panel sweep", "aria-label": "Along the sweep", onkeydown: keys },
+    h("div", { class: "spread" }, chart.series, scrub.buttons), chart.root, scrub.slider, at.readout, at.pictures);
 
   replace(root,
     h("section", { class: "panel inspection-head" }, at.head, at.reasons),
-    h("section", { class: "panel sweep", "aria-label": "Along the sweep", onkeydown: keys },
-      h("div", { class: "spread" }, chart.series, scrub.buttons), chart.root, scrub.slider, at.readout, at.pictures),
+    along,
     h("div", { class: "columns" },
       h("div", { class: "column" }, h("section", { class: "panel" }, h("h2", {}, "Deviations"), at.found), at.said),
       h("section", { class: "panel" }, h("h2", {}, "Facts"), at.facts)),
@@ -82,11 +87,11 @@ export async function show(root, params, app) {
   const draw = atFrame(() => {
     chart.set();
     const reached = running() ? Math.max(0, ...sweep.places) : 1;
-    const unseen = result?.coverage >= 0.9995 ? [] : sweep.unseen(reached);
+    const unseen = bare() || result?.coverage >= 0.9995 ? [] : sweep.unseen(reached);
     chart.bands(deviations(), unseen);
     replace(at.head, head(unseen));
-    replace(at.found, deviationList(deviations(), choose, running()), unseenList(unseen));
-    replace(at.facts, facts(inspection, result, sweep.counts()));
+    replace(at.found, deviationList(deviations(), bare() ? null : choose, running()), unseenList(unseen));
+    replace(at.facts, facts(inspection, result, bare() ? { scored: inspection.frames_scored } : sweep.counts()));
     if (raw.open) numbers.refresh();
     if (follows) look(running() ? sweep.length - 1 : worst());
     else look(current);
@@ -132,7 +137,8 @@ export async function show(root, params, app) {
         : app.may("operator") && button("Acknowledge", async () => become(await api.post(`${path}/acknowledge`))),
       button("Recording", () => api.download(`${path}/recording`, `${name}.mcap`), {
         disabled: !kept, title: kept ? "Exactly the frames that were scored, as MCAP" : inspection.recording_note ?? `Recording: ${inspection.recording}` }),
-      button("Result", () => api.download(`${path}/result`, `${name}.json`), { title: "As JSON, with the scores of every frame" }),
+      button("Result", () => api.download(`${path}/result`, `${name}.json`), {
+        title: inspection.scores === "removed" ? "As JSON; the scores of its frames are not kept any more" : "As JSON, with the scores of every frame" }),
       kept && app.may("engineer") && button("Replay", replay, { title: "Inspect the recording once more, by the same recipe" }),
       h("a", { class: "button", href: `#/compare/${inspection.inspection_id}` }, "Compare with …"),
     ];
@@ -183,8 +189,13 @@ export async function show(root, params, app) {
     const now = await api.get(path, options);
     const ended = now.state !== "processing";
     if (ended) result = await api.get(`${path}/result?frames=false`, options);
-    await read();
-    if (!pictures || pictures.live === ended) {
+    inspection = now;
+    if (bare()) {
+      left ??= profile(inspection, deviations());
+      replace(along, left.root);
+      raw.hidden = true;
+    } else await read();
+    if (!bare() && (!pictures || pictures.live === ended)) {
       pictures?.close();
       pictures = ended ? panes({ inspection: params.id, shelf }) : watched({ inspection: params.id, events });
       replace(at.pictures, pictures.root);
@@ -231,6 +242,7 @@ export async function show(root, params, app) {
     look.soon.cancel();
     chart.close();
     pictures?.close();
+    left?.close();
   };
   try {
     await load();

@@ -58,7 +58,7 @@ export async function show(root, params, app) {
   /** What was said of it before this page listened. */
   async function catchUp(live) {
     try {
-      for (let after = -1; ; ) {
+      for (let after = -1; live.facts.scores !== "removed"; ) {
         const { items, next } = await api.get(api.url(`/v1/inspections/${live.id}/scores`, { after, limit: 5000 }));
         live.addRecords(items);
         if (items.length < 5000) break;

@@ -10,6 +10,8 @@ const SHOWN = 100;
 
 /** `answer` as `rejudge` gives it; `asActive`: the policy that is judged is the active one. */
 export function rejudgedPanel(answer, asActive, active) {
+  const gone = answer.gone ? goneNote(answer.gone) : null;
+  if (!answer.inspections.length && gone) return gone;
   if (!answer.inspections.length)
     return empty(
       "No part was inspected yet",
@@ -17,7 +19,12 @@ export function rejudgedPanel(answer, asActive, active) {
       `inspector push PART.mcap --url ${location.origin} --product ${active?.product_id ?? "PRODUCT"} --part SERIAL`,
     );
   const changed = answer.inspections.filter((each) => each.before !== each.now);
-  return [headline(answer, asActive, active), counts(answer), strip(answer.inspections), list(changed, answer.inspections)];
+  return [headline(answer, asActive, active), gone, counts(answer), strip(answer.inspections), list(changed, answer.inspections)];
+}
+
+function goneNote(n) {
+  return h("p", { class: "warning", role: "status" },
+    `${n} of the last parts ${n === 1 ? "is" : "are"} left out: the scores of their frames are not kept any more.`);
 }
 
 function headline(answer, asActive, active) {
