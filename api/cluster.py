@@ -27,6 +27,7 @@ from fastapi import FastAPI
 
 from api.app import create_app
 from inspector.errors import WorldError
+from inspector.executors import join_ray
 from inspector.service.folder import FolderInUse
 from inspector.service.service import Service
 from inspector.serving import keep_logs
@@ -99,7 +100,14 @@ def application(settings: Settings, replicas: int) -> Any:
 
 def app(arguments: Mapping[str, str]) -> Any:
     """For `serve run api.cluster:app replicas=4` and Ray's configuration files; settings from the environment."""
-    return application(read_settings(), int(arguments.get("replicas", "1")))
+    return application(read_settings(), _count(arguments.get("replicas", "1")))
+
+
+def _count(text: str) -> int:
+    """How many replicas. Raises ArgumentTypeError."""
+    if not text.isascii() or not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed; allowed is a whole number above 0")
+    return int(text)
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -107,13 +115,13 @@ def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m api.cluster", description="Several services behind one address, by Ray Serve."
     )
-    parser.add_argument("--replicas", type=int, default=1, metavar="N", help="services, each with its scorers")
+    parser.add_argument("--replicas", type=_count, default=1, metavar="N", help="services, each with its scorers")
     replicas = parser.parse_args(arguments).replicas
     settings = read_settings()
     served = application(settings, replicas)
     ray, serve = _ray("ray"), _ray("ray.serve")
-    if "RAY_ADDRESS" in os.environ:
-        ray.init()
+    if address := os.environ.get("RAY_ADDRESS"):
+        join_ray(address, address)
     else:
         cores = replicas * settings.scorers
         ray.init("local", num_cpus=cores, object_store_memory=_OBJECTS, include_dashboard=False)

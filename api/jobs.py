@@ -9,7 +9,7 @@ from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import BaseModel
 
-from api.deps import PRODUCT, After, Id, Limit, ServiceDep, Viewer, in_thread, problems, tagged
+from api.deps import PRODUCT, After, Engineer, Id, Limit, ServiceDep, Viewer, in_thread, problems, tagged
 from api.schemas import Page
 from inspector.stores.records import Job, JobKind, JobState
 
@@ -90,6 +90,12 @@ async def jobs(
 async def job(request: Request, job_id: Id, service: ServiceDep, who: Viewer) -> Response:
     """How far a job is."""
     return tagged(request, _told(await in_thread(service.store.job, job_id)))
+
+
+@router.post("/{job_id}/cancel", response_model=JobOut, responses=problems(404, 409))
+async def cancel(job_id: Id, service: ServiceDep, who: Engineer) -> JobOut:
+    """End a job that runs or waits, at whatever service. It has failed then; what it has done stays."""
+    return _told(await service.jobs.cancel(job_id, who.actor))
 
 
 def _told(job: Job) -> JobOut:

@@ -10,6 +10,7 @@ inspector.errors.WorldError
 from __future__ import annotations
 
 import os
+import socket
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -42,6 +43,8 @@ _AHEAD = 4
 """Pieces of work handed out for each worker."""
 _PATIENCE = 10
 """Seconds that a cluster may take to answer."""
+_RAY = {"RAY_NUM_REDIS_GET_RETRIES": "1", "RAY_py_gcs_connect_timeout_s": str(_PATIENCE)}
+"""In the environment before Ray is imported: usually it tries to join for twelve minutes."""
 _LIST = 16
 """Pieces of work for each worker that are told of together, where an engine cannot tell of each."""
 _TRIES = 3
@@ -232,13 +235,33 @@ def _processes(url: str, place: str, stack: ExitStack) -> Executor:
     if place and not (place.isdecimal() and int(place) > 0):
         raise UnknownExecutor(url)
     count = int(place) if place else len(os.sched_getaffinity(0))
+    stack.enter_context(_quiet_end())
     # Else they stay for minutes, and the next ones would have the environment of these.
     stack.callback(lambda: _LOKY.get_reusable_executor(reuse=True).shutdown(kill_workers=True))
     stack.enter_context(_JOBLIB.parallel_config("loky", n_jobs=count, inner_max_num_threads=1))
     return Executor(url, count, "loky")
 
 
+@contextmanager
+def _quiet_end() -> Generator[None]:
+    """Where work is taken away from loky's thread, as by Ctrl-C, it may miss that work, and end with a traceback."""
+    before = threading.excepthook
+
+    def hook(broke: threading.ExceptHookArgs) -> None:
+        missed = broke.thread is not None and broke.thread.name == "ExecutorManagerThread"
+        if not (missed and issubclass(broke.exc_type, KeyError)):
+            before(broke)
+
+    threading.excepthook = hook
+    try:
+        yield
+    finally:
+        threading.excepthook = before
+
+
 def _dask(url: str, place: str, stack: ExitStack) -> Executor:
+    if not place:
+        raise UnknownExecutor(url)
     distributed = _engine("dask", "distributed")
     try:
         client: Any = stack.enter_context(distributed.Client(f"tcp://{place}", timeout=_PATIENCE))
@@ -250,16 +273,35 @@ def _dask(url: str, place: str, stack: ExitStack) -> Executor:
 
 
 def _ray(url: str, place: str, stack: ExitStack) -> Executor:
-    ray = _engine("ray", "ray")
-    try:
-        ray.init(address=place, log_to_driver=False, logging_level="error")
-    except (ConnectionError, ValueError, RuntimeError) as error:
-        raise ExecutorRefused(url, str(error).splitlines()[0]) from error
+    if not place:
+        raise UnknownExecutor(url)
+    ray = join_ray(place, url, log_to_driver=False, logging_level="error")
     stack.callback(ray.shutdown)
     _engine("ray", "ray.util.joblib").register_ray()
     workers = max(1, int(ray.cluster_resources().get("CPU", 1)))
     stack.enter_context(_JOBLIB.parallel_config("ray", n_jobs=workers))
     return Executor(url, workers, "ray")
+
+
+def join_ray(place: str, url: str, **options: object) -> Any:
+    """Ray, which has joined the cluster at `HOST:PORT` or `auto`; `url` is what errors call it.
+
+    Raises ExecutorMissing, ExecutorRefused.
+    """
+    for name, value in _RAY.items():
+        os.environ.setdefault(name, value)
+    ray = _engine("ray", "ray")
+    host, _, port = place.rpartition(":")
+    try:
+        if host and port.isdecimal() and "://" not in place:
+            # Said at once, where Ray would wait, and write lines of its own meanwhile.
+            socket.create_connection((host.strip("[]"), int(port)), _PATIENCE).close()
+        ray.init(address=place, **options)
+    except OSError as error:
+        raise ExecutorRefused(url, error.strerror or str(error).splitlines()[0]) from error
+    except (OverflowError, ValueError, RuntimeError) as error:
+        raise ExecutorRefused(url, str(error).splitlines()[0]) from error
+    return ray
 
 
 def _engine(scheme: str, module: str) -> Any:

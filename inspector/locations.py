@@ -6,6 +6,7 @@ Path("a.mcap"), "a.mcap", "file:///data/a.mcap"
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -114,9 +115,16 @@ def open_location(place: Path | RemoteFile | str) -> BinaryIO:
 def list_locations(place: Path | RemoteFile | str, ending: str) -> tuple[Location, ...]:
     """All files in a folder, or beneath a URL of a bucket, however deep, whose names end so; in order of names.
 
-    Raises OSError, ObjectError.
+    A link that leads nowhere is one of them, a folder that is a link is not looked into. Raises OSError, also where
+    a folder within cannot be read, and ObjectError.
     """
     found = to_location(place)
     if isinstance(found, Path):
-        return tuple(sorted(path for path in found.rglob(f"*{ending}") if path.is_file()))
+        walked = os.walk(found, onerror=_raised)
+        paths = [Path(folder, name) for folder, _, names in walked for name in names if name.endswith(ending)]
+        return tuple(sorted(path for path in paths if path.is_file() or not path.exists()))
     return tuple(RemoteFile(beneath(found.url, name)) for name, _ in Objects(found.url).names(ending))
+
+
+def _raised(error: OSError) -> None:
+    raise error

@@ -7,18 +7,23 @@ inspector.errors.WorldError
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import json
-from collections import Counter
+import re
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from inspector.batch.tables import TableKind, write_tables
-from inspector.batch.tasks import Outcome, Task, stamp
+from inspector.batch.tables import TABLES, TableKind, write_tables
+from inspector.batch.tasks import Outcome, Row, Task, stamp
 from inspector.errors import WorldError
 from inspector.files import NotWritten, write_new
 from inspector.objects import ObjectError
+
+_DRAFT = re.compile(r"\..+\.(json|csv|parquet)\.[0-9a-f]{8}")
+"""What `inspector.files` calls a file that is not whole yet."""
 
 
 class BatchInUse(WorldError):
@@ -38,7 +43,7 @@ class BatchFolder:
     def __enter__(self) -> Self:
         try:
             (self._path / "results").mkdir(parents=True, exist_ok=True)
-            self._journal = (self._path / "journal.jsonl").open("a+")
+            self._journal = (self._path / "journal.jsonl").open("a+b")
         except OSError as error:
             raise NotWritten(self._path, error.strerror or str(error)) from error
         try:
@@ -46,15 +51,25 @@ class BatchFolder:
         except OSError as error:
             self._journal.close()
             raise BatchInUse(self._path) from error
-        self._journal.seek(0)
-        lines = self._journal.read().split("\n")
-        for line in lines[:-1]:
-            entry = json.loads(line)
-            self._rows[entry["row"]["recording"]] = entry
-        if lines[-1]:
-            # Cut off in the middle of a line.
-            self._journal.truncate(sum(len(line.encode()) + 1 for line in lines[:-1]))
+        self._read()
+        for draft in (*self._path.glob(".*"), *(self._path / "results").rglob(".*")):
+            if _DRAFT.fullmatch(draft.name):
+                # Of a batch that was killed.
+                draft.unlink()
         return self
+
+    def _read(self) -> None:
+        """What it says; a line that is not whole, or is damaged, says nothing, and its recording is done once more."""
+        self._journal.seek(0)
+        whole = 0
+        for line in self._journal:
+            if not line.endswith(b"\n"):
+                self._journal.truncate(whole)
+                return
+            whole += len(line)
+            with suppress(ValueError, KeyError, TypeError):
+                entry = json.loads(line)
+                self._rows[entry["row"]["recording"]] = entry
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -70,7 +85,7 @@ class BatchFolder:
                 and entry["row"]["state"] == "done"
                 and entry["key"] == self._key
                 and entry["stamp"] == list(stamp(task.path))
-                and self._result(task.name).is_file()
+                and entry.get("sha256") == _sha256(self._result(task.name).read_bytes())
             )
         except (OSError, ObjectError):
             return False
@@ -82,19 +97,30 @@ class BatchFolder:
         if outcome.record is not None:
             place.parent.mkdir(parents=True, exist_ok=True)
             write_new(place, outcome.record)
-        line = json.dumps({"key": self._key, "stamp": outcome.stamp, "row": outcome.row})
+        # With a hash: a kill between result and line must not leave a line that speaks of another result.
+        sha256 = None if outcome.record is None else _sha256(outcome.record)
+        line = json.dumps({"key": self._key, "stamp": outcome.stamp, "sha256": sha256, "row": outcome.row})
         self._rows[outcome.name] = json.loads(line)
         try:
-            self._journal.write(line + "\n")
+            self._journal.write(line.encode() + b"\n")
             self._journal.flush()
         except OSError as error:
             raise NotWritten(self._path / "journal.jsonl", error.strerror or str(error)) from error
 
-    def table(self, names: Sequence[str], kind: TableKind = "csv") -> Counter[str]:
-        """Write the tables of these recordings, and count their verdicts. Raises TableMissing, NotWritten."""
+    def begin(self) -> None:
+        """Results will change: tables of those before would tell another story. Raises OSError."""
+        for name in TABLES:
+            (self._path / name).unlink(missing_ok=True)
+
+    def table(self, names: Sequence[str], kind: TableKind = "csv") -> list[Row]:
+        """Write the tables of these recordings; their rows. Raises TableMissing, NotWritten."""
         rows = [self._rows[name]["row"] for name in sorted(names) if name in self._rows]
         write_tables(self._path, kind, rows, lambda name: self._result(name).read_bytes())
-        return Counter(row["verdict"] for row in rows if row["verdict"])
+        return rows
 
     def _result(self, name: str) -> Path:
         return self._path / "results" / f"{name}.json"
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

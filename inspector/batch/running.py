@@ -38,6 +38,8 @@ class Batch:
     """Of all recordings that are done, whenever that was."""
     failed: tuple[tuple[str, str], ...]
     """Name and reason of those that no result could be made of."""
+    damaged: int
+    """How many that are done have lost something: the column `losses` says what."""
 
 
 def run_batch(
@@ -59,13 +61,16 @@ def run_batch(
         counted = Counted(len(tasks), len(tasks) - len(todo), 0, 0)
         wrong: dict[str, str] = {}
         tell(counted)
+        folder.begin()
         for outcome in executor.each(inspected, todo, by, lost=failed):
             folder.keep(outcome)
             counted = _more(counted, outcome)
             tell(counted)
             if outcome.record is None:
                 wrong[outcome.name] = str(outcome.row["error"])
-        return Batch(counted, folder.table([task.name for task in tasks], table), tuple(sorted(wrong.items())))
+        rows = folder.table([task.name for task in tasks], table)
+        verdicts = Counter(row["verdict"] for row in rows if row["verdict"])
+        return Batch(counted, verdicts, tuple(sorted(wrong.items())), sum(bool(row["losses"]) for row in rows))
 
 
 def _more(counted: Counted, outcome: Outcome) -> Counted:

@@ -20,6 +20,7 @@ from inspector.errors import WorldError
 from inspector.files import arriving, write_new
 
 TableKind = Literal["csv", "parquet"]
+TABLES = ("results.csv", "results.parquet", "frames.parquet")
 _TOGETHER = 64
 """Recordings whose frames are held at once; a row group of the file."""
 _FRAME = {

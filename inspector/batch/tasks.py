@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -41,6 +42,9 @@ COLUMNS = {
     "deviations": int,
     "peak_score": float,
     "peak_s": float,
+    "t_ns": int,
+    "reasons": str,
+    "losses": str,
     "digest": str,
     "error": str,
 }
@@ -126,9 +130,10 @@ def find_recordings(places: Sequence[Path | RemoteFile | str]) -> list[Task]:
 
 
 def _parts(place: Location) -> tuple[str, ...]:
-    """Of its path; of a URL the bucket is one."""
-    path = place.absolute() if isinstance(place, Path) else PurePosixPath(str(place).partition("://")[2])
-    return path.parts
+    """Of its path; of a URL the bucket is one. None of them leads up: results stay in their folder."""
+    if isinstance(place, Path):
+        return Path(os.path.abspath(place)).parts
+    return tuple(part for part in PurePosixPath(str(place).partition("://")[2]).parts if part not in ("/", ".."))
 
 
 def stamp(path: Location) -> Stamp:
@@ -178,6 +183,9 @@ def _row(name: str, record: Record) -> Row:
         "deviations": len(record["deviations"]),
         "peak_score": peak and peak["score"],
         "peak_s": peak and peak["s"],
+        "t_ns": record["frames"][0]["t_ns"] if record["frames"] else None,
+        "reasons": "; ".join(record["reasons"]),
+        "losses": "; ".join(record["losses"]),
     }
 
 

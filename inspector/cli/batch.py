@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from inspector.cli.options import EXECUTORS, FalseRejectsOption, PolicyOption, TopicOption, judging
+from inspector.cli.replay import NOT_OK
 from inspector.cli.terminal import counting, warn
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ def batch(
     policy: PolicyOption = None,
     false_rejects: FalseRejectsOption = None,
     topic: TopicOption = None,
+    fail_on_ng: Annotated[
+        bool, typer.Option("--fail-on-ng", help="Exit 3 where all were inspected, and one is not OK.")
+    ] = False,
 ) -> None:
     """Inspect many recordings. One that cannot be read is named, and the rest goes on; begun again, it goes on.
 
@@ -40,21 +44,31 @@ def batch(
     from inspector.executors import open_executor
     from inspector.learner import load_appearance
     from inspector.locations import to_location
+    from models.verdict import Judgement
 
     refuse_missing(table)
     settings = judging(policy, false_rejects)
     tasks = find_recordings(recordings)
     learnt = to_location(appearance)
     by = By(learnt.absolute() if isinstance(learnt, Path) else learnt, load_appearance(learnt).id, settings, topic)
-    with open_executor(executor) as workers, counting("inspecting", len(tasks)) as tell:
+    kept = 0
+    try:
+        with open_executor(executor) as workers, counting("inspecting", len(tasks)) as tell:
 
-        def told(counted: Counted) -> None:
-            tell(counted.recordings - counted.left, f"{counted.failed} failed" if counted.failed else "")
+            def told(counted: Counted) -> None:
+                nonlocal kept
+                kept = counted.skipped + counted.done
+                tell(counted.recordings - counted.left, f"{counted.failed} failed" if counted.failed else "")
 
-        done = run_batch(tasks, by, workers, out, tell=told, table=table)
+            done = run_batch(tasks, by, workers, out, tell=told, table=table)
+    except KeyboardInterrupt:
+        warn(f"interrupted: {kept} of {len(tasks)} recordings are inspected; the same command goes on with the rest")
+        raise
     _print(done, out / f"results.{table}")
     if done.failed:
         raise typer.Exit(1)
+    if fail_on_ng and done.verdicts.keys() - {Judgement.OK}:
+        raise typer.Exit(NOT_OK)
 
 
 def _print(batch: Batch, table: Path) -> None:
@@ -66,4 +80,6 @@ def _print(batch: Batch, table: Path) -> None:
     not_read = f"; {counted.failed} could not be" if counted.failed else ""
     count = counted.done + counted.skipped
     print(f"{count} recording{'' if count == 1 else 's'} inspected{before}: {verdicts or 'none'}{not_read}")
+    if batch.damaged:
+        print(f"  {batch.damaged} of them damaged: column `losses`")
     print(f"{table}")

@@ -15,13 +15,13 @@ from typing import Any, TypeVar
 
 import structlog
 
-from inspector.errors import WorldError
+from inspector.errors import StoreError, WorldError
 from inspector.service.errors import Stopping
 from inspector.service.events import Events
 from inspector.service.files import Files
 from inspector.service.folder import new_id
 from inspector.service.metrics import Metrics
-from inspector.stores.base import AbstractStore
+from inspector.stores.base import AbstractStore, JobEnded
 from inspector.stores.records import Job, JobKind, Json
 from models.errors import InspectionError
 
@@ -112,6 +112,22 @@ class Jobs:
         self._shown.check()
         return await asyncio.shield(self._shown.put(work))
 
+    async def cancel(self, job_id: str, actor: str) -> Job:
+        """A job that runs or waits, at whatever service, fails; what it has done by then stays.
+
+        Whoever does it finds out when it next tells how far it is. Raises NoSuchJob, JobEnded.
+        """
+        why, now_ns = f"it was cancelled by {actor}", self._now_ns()
+        job = await asyncio.to_thread(
+            self._store.update_job, job_id, state="failed", ended_ns=now_ns, error=why
+        )  # fmt: skip
+        _log.info("job", job_id=job_id, work=job.kind, state="failed", error=why)
+        self._metrics.jobs.labels(job.kind, "failed").inc()
+        self._events.publish_soon(
+            "job", work=job.kind, job_id=job_id, product_id=job.product_id, state="failed", error=why
+        )
+        return job
+
     def close(self) -> None:
         """After the desks were closed. Blocks until every job has said how it ended."""
         for queue in (*self._queues.values(), self._at_once, self._shown):
@@ -120,6 +136,8 @@ class Jobs:
     def _run(self, job: Job, work: Work) -> None:
         """In a thread."""
         try:
+            if self._ended(job):
+                return
             outcome = work(lambda share: self._tell(job, share))
         except InspectionError as error:
             self._end(job, error=self._files.hidden(str(error)))
@@ -128,6 +146,13 @@ class Jobs:
             self._end(job, error="something unexpected went wrong; the log of the service says what")
         else:
             self._end(job, outcome=outcome)
+
+    def _ended(self, job: Job) -> bool:
+        """Before its turn came."""
+        try:
+            return self._store.job(job.job_id).state != "running"
+        except StoreError:
+            return False
 
     def _tell(self, job: Job, share: float) -> None:
         self._store.update_job(job.job_id, progress=share)
@@ -144,6 +169,10 @@ class Jobs:
                 error=error,
                 progress=1.0 if error is None else None,
             )
+        except JobEnded:
+            # It was cancelled meanwhile, or this service was taken for gone: that has been told.
+            _log.info("job left", job_id=job.job_id, work=job.kind)
+            return
         except InspectionError as trouble:
             # The next start finds the job running, and fails it; or other services did that already.
             _log.error("job not stored", job_id=job.job_id, state=state, error=str(trouble))

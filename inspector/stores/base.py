@@ -3,7 +3,8 @@
 inspector.errors.StoreError
 ├── UnknownStore             a url whose scheme no store has
 ├── StoreNotOpened           a database that is not there, does not answer, or is none of ours
-│   └── NewerStore           a database that a newer program has written
+│   ├── NewerStore           a database that a newer program has written
+│   └── OlderServices        a database to be migrated, that services of an older program work on
 ├── StoreFailed              a database that failed while it was used: disk full, server gone
 ├── NoSuch                   an id that nothing has
 │   ├── NoSuchProduct
@@ -82,6 +83,18 @@ class NewerStore(StoreNotOpened):
     def __init__(self, place: str, found: str, known: str) -> None:
         super().__init__(
             place, f"a newer program has written it (revision {found}, known is {known}); use that program"
+        )
+
+
+class OlderServices(StoreNotOpened):
+    """A database to be migrated, that services of an older program work on: its tables would change under them."""
+
+    def __init__(self, place: str, found: str, known: str, names: Sequence[str]) -> None:
+        at_work = ", ".join(names)
+        super().__init__(
+            place,
+            f"it is of revision {found}, this program needs {known}, and services of the older program work on it"
+            f" ({at_work}); stop all of them, and start this one again",
         )
 
 
@@ -219,7 +232,7 @@ class AbstractStore(ABC):
     @classmethod
     @abstractmethod
     def open(cls, url: str) -> Self:
-        """The store at the url. Raises StoreNotOpened, NewerStore."""
+        """The store at the url. Raises StoreNotOpened, NewerStore, OlderServices."""
 
     # Products, sweeps, appearances.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ from api.app import create_app
 from inspector.learner import learn_recordings
 from inspector.recording import SweepReader
 from inspector.replay import replay
+from inspector.service.jobs import Work
 from inspector.settings import read_settings
+from inspector.stores.records import Json
 from tests.api.stations import BAD, GOOD, PRODUCT, begin, feed, frames, learnt, material, sweep, teach
 from tests.api.test_round import ended, refused, uploaded
 from tests.buckets import Buckets
@@ -139,6 +141,38 @@ def test_a_batch_that_was_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
         before = len(replayed(client))
         assert len(some) <= before < 8
         assert batch(client, of="sweeps", ids=ids)["batch"] == counts(8, before, 8 - before, 0, OK=8)
+
+
+def test_a_job_is_cancelled_while_it_runs_or_waits(client: TestClient) -> None:
+    did = list[str]()
+
+    def endless(progress: Callable[[float], object]) -> Json:
+        did.append("endless")
+        while True:
+            progress(0.5)
+            threading.Event().wait(0.01)
+
+    def waiting(progress: Callable[[float], object]) -> Json:
+        did.append("waiting")
+        return {}
+
+    def begun(work: Work) -> str:
+        assert client.portal is not None
+        return client.portal.call(service(client).jobs.begin, "batch", PRODUCT, {}, work).job_id
+
+    first, second = begun(endless), begun(waiting)
+    for job in (second, first):
+        answer = client.post(f"/v1/jobs/{job}/cancel")
+        assert (answer.status_code, answer.json()["state"]) == (200, "failed"), answer.text
+    # What comes next has its turn.
+    done = batch(client, of="sweeps", ids=[uploaded(client, sweep(GOOD))])
+    assert (done["state"], done["batch"]) == ("done", counts(1, 0, 1, 0, OK=1))
+    assert did in ([], ["endless"])
+    for job in (first, second):
+        told = client.get(f"/v1/jobs/{job}").json()
+        assert (told["state"], told["error"]) == ("failed", "it was cancelled by local")
+    refused(client.post(f"/v1/jobs/{first}/cancel"), 409, "is failed, and changes no more")
+    refused(client.post("/v1/jobs/none/cancel"), 404, "there is no job")
 
 
 @pytest.fixture(scope="module")

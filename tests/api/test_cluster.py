@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import sys
+from argparse import ArgumentTypeError
 from pathlib import Path
 
 import pytest
 
-from api.cluster import RayMissing, application, started
+from api.cluster import RayMissing, app, application, main, started
 from inspector.settings import SettingRefused, read_settings
 
 
@@ -35,6 +36,15 @@ def test_several_replicas_need_a_database_that_they_share(tmp_path: Path) -> Non
 def test_several_replicas_need_a_place_for_files_that_they_share(tmp_path: Path) -> None:
     with pytest.raises(SettingRefused, match="setting files: 2 replicas share one; allowed are s3://… and file:///…"):
         application(read_settings(data=tmp_path, database="postgresql://host/name"), 2)
+
+
+@pytest.mark.parametrize("count", ["0", "-1", "many"])
+def test_no_replicas_are_refused_before_anything_starts(count: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--replicas", count])
+    assert f"{count!r} is not allowed; allowed is a whole number above 0" in capsys.readouterr().err.replace("\n", " ")
+    with pytest.raises(ArgumentTypeError, match="not allowed"):
+        app({"replicas": count})
 
 
 def test_where_ray_is_missing_that_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from inspector import cameras
+from inspector.batch import tasks as batch_tasks
 from inspector.cameras import open_camera
 from inspector.cameras.base import AbstractCamera, Clock
 from inspector.cli import app, run
@@ -301,6 +302,31 @@ def test_a_batch_names_what_it_cannot_read_and_goes_on_where_it_was(
     (folder / "none.mcap").unlink()
     code, out, err = told(capsys, *asked)
     assert (code, out.splitlines()[0], err) == (0, "1 recording inspected, 1 of them before: 1 OK", "")
+    assert told(capsys, *asked, "--fail-on-ng")[0] == 0
+    (folder / "spot.mcap").write_bytes(line.spot.read_bytes())
+    assert told(capsys, *asked, "--fail-on-ng")[0] == 3
+    assert told(capsys, *asked)[0] == 0
+
+
+def test_an_interrupted_batch_says_how_far_it_came_and_goes_on(
+    line: Line, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = ("batch", line.good, line.spot, "--appearance", line.file, "--out", tmp_path, "--executor", "serial")
+    replayed, calls = batch_tasks.replay, list[int]()
+
+    def interrupted(*arguments: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return replayed(*arguments)
+
+    monkeypatch.setattr(batch_tasks, "replay", interrupted)
+    code, out, err = told(capsys, *asked)
+    assert (code, out) == (130, "")
+    assert err == (
+        "inspector: warning: interrupted: 1 of 2 recordings are inspected; the same command goes on with the rest\n"
+    )
+    assert told(capsys, *asked)[1].startswith("2 recordings inspected, 1 of them before: 1 OK, 1 NG\n")
 
 
 def test_recordings_are_learnt_and_inspected_by_url(

@@ -11,12 +11,15 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
+import yaml
 
 from inspector.settings import Settings
 from tests.system.repository import ROOT, texts
 
 DOCKER = {name: text for name, text in texts().items() if name.startswith("docker/")}
 DOCKERFILE = DOCKER["docker/Dockerfile"]
+CONNECTIONS = 9
+"""Of a service: what `inspector/stores/README.md` says of it, and its tests count."""
 COMPOSE_ONLY = {"INSPECTOR_PUBLISH"}
 
 
@@ -81,6 +84,21 @@ def test_what_is_copied_is_there_and_is_let_in() -> None:
 def test_every_setting_that_is_named_exists() -> None:
     named = {name for text in DOCKER.values() for name in re.findall(r"INSPECTOR_[A-Z_]*[A-Z]", text)} - COMPOSE_ONLY
     assert {name.removeprefix("INSPECTOR_").lower() for name in named} <= set(Settings.model_fields)
+
+
+def test_the_database_lets_all_services_in_that_the_proxy_knows() -> None:
+    most = re.search(r"server-template node 1-(\d+) ", DOCKER["docker/haproxy.cfg"])
+    allowed = re.search(r"max_connections=(\d+)", DOCKER["docker/compose.cluster.yaml"])
+    assert most is not None
+    assert allowed is not None
+    # Three are kept for who looks after it.
+    assert int(most[1]) * CONNECTIONS + 3 <= int(allowed[1])
+
+
+def test_no_log_fills_the_disk() -> None:
+    files = [yaml.safe_load(text) for name, text in DOCKER.items() if name.endswith(".yaml")]
+    services = [service for file in files for service in file["services"].values()]
+    assert {service["logging"]["driver"] for service in services} == {"local"}
 
 
 def test_the_image_runs_as_nobody_special_and_is_asked_for_its_health() -> None:

@@ -10,15 +10,19 @@ from alembic import command
 from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Connection, text
+from sqlalchemy import Connection, inspect, select, text
 
-from inspector.stores.base import NewerStore, StoreNotOpened
+from inspector.stores.base import NewerStore, OlderServices, StoreNotOpened
 from inspector.stores.sql.database import Database, sentence
 from inspector.stores.sql.engines import keep_a_log_ahead
+from inspector.stores.sql.nodes import database_ns
+from inspector.stores.sql.tables import NODES
 
 SCRIPTS = Path(__file__).parent.parent / "migrations"
 LOCK = 0x494E5350
 """The advisory lock of PostgreSQL that whoever migrates holds."""
+ALIVE_SECONDS = 3.0
+"""A service that said so a longer time ago does not live, as `inspector.service.heart` has it."""
 _ALEMBIC = threading.Lock()
 """Alembic hands the connection to its scripts by a global."""
 
@@ -26,7 +30,7 @@ _ALEMBIC = threading.Lock()
 def migrate(database: Database) -> None:
     """All scripts that have not run, in one transaction; who comes at the same time waits.
 
-    Raises StoreNotOpened, NewerStore.
+    Not while services work on the tables as they were. Raises StoreNotOpened, NewerStore, OlderServices.
     """
     is_sqlite = database.engine.dialect.name == "sqlite"
     try:
@@ -61,6 +65,16 @@ def _upgrade(connection: Connection, place: str) -> None:
         raise NewerStore(place, ", ".join(sorted(strange)), str(head))
     if there == (head,):
         return
+    if names := _at_work(connection):
+        raise OlderServices(place, ", ".join(there), str(head), names)
     command.upgrade(config, "head")
     if connection.dialect.name == "sqlite" and (broken := connection.exec_driver_sql("PRAGMA foreign_key_check").all()):
         raise StoreNotOpened(place, f"after its migration, {len(broken)} rows point to what is not there")
+
+
+def _at_work(connection: Connection) -> tuple[str, ...]:
+    """Names of the services that lived a moment ago."""
+    if not inspect(connection).has_table(NODES.name):
+        return ()
+    alive = NODES.c.beaten_ns > database_ns(connection) - int(ALIVE_SECONDS * 1e9)
+    return tuple(connection.execute(select(NODES.c.name).where(alive).order_by(NODES.c.number)).scalars())

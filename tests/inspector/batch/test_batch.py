@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -118,6 +119,62 @@ def test_it_goes_on_where_it_was_cut_off(archive: Path, line: Line, tmp_path: Pa
     assert batch.counted == Counted(4, 2, 1, 1)
     run(archive, line, tmp_path / "at once")
     assert made(out) == made(tmp_path / "at once")
+
+
+def test_what_a_kill_or_a_disk_has_spoilt_is_done_again_and_nothing_half_written_stays(
+    archive: Path, line: Line, tmp_path: Path
+):
+    out = tmp_path / "out"
+    run(archive, line, out)
+    whole = made(out)
+    # Killed between a result of another policy and the line that tells of it.
+    shutil.copytree(out, tmp_path / "other")
+    run(archive, line, tmp_path / "other", policy=Policy(sensitivity=1.5))
+    shutil.copy(tmp_path / "other" / "results" / "a" / "good.json", out / "results" / "a" / "good.json")
+    # Killed while a result and a table were written.
+    drafts = [out / "results" / "b" / ".spot.json.0123abcd", out / ".results.csv.0123abcd"]
+    for draft in drafts:
+        draft.write_text("{")
+    (out / ".mine").touch()
+    # A line that the disk has lost.
+    journal = (out / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    (spot,) = (number for number, each in enumerate(journal) if b'"recording": "b/spot"' in each)
+    journal[spot] = b"\0\xff" * 40 + b"\n"
+    (out / "journal.jsonl").write_bytes(b"".join(journal))
+    again = run(archive, line, out)
+    assert again.counted == Counted(4, 1, 2, 1)
+    assert made(out) == whole
+    assert not any(draft.exists() for draft in drafts)
+    assert (out / ".mine").exists()
+
+
+def test_a_table_of_those_before_does_not_stay_beside_other_results(archive: Path, line: Line, tmp_path: Path):
+    class Stopped(Exception):
+        pass
+
+    def stop(counted: Counted) -> None:
+        if counted.done == 1:
+            raise Stopped
+
+    run(archive, line, tmp_path)
+    assert (tmp_path / "results.csv").exists()
+    stricter = by(line, Policy(sensitivity=1.5))
+    with open_executor("serial") as workers, pytest.raises(Stopped):
+        run_batch(find_recordings([archive]), stricter, workers, tmp_path, tell=stop)
+    assert not (tmp_path / "results.csv").exists()
+
+
+def test_the_table_says_why_when_and_what_a_recording_has_lost(archive: Path, line: Line, tmp_path: Path):
+    cut(line.good, archive / "b" / "short.mcap", 0.8)
+    assert run(archive, line, tmp_path).damaged == 1
+    rows = {row["recording"]: row for row in csv.DictReader((tmp_path / "results.csv").read_text().splitlines())}
+    result = json.loads((tmp_path / "results" / "b" / "short.json").read_bytes())
+    short = rows["b/short"]
+    assert (short["state"], short["verdict"]) == ("done", "INCOMPLETE")
+    assert short["t_ns"] == str(result["frames"][0]["t_ns"])
+    assert short["losses"] == "; ".join(result["losses"]) != ""
+    assert short["reasons"] == "; ".join(result["reasons"]) != ""
+    assert rows["a/good"]["losses"] == ""
 
 
 class Killing(Executor):
@@ -319,6 +376,14 @@ def test_recordings_are_named_by_their_place_in_the_folder(archive: Path):
     shutil.copy(one, archive / "a" / "spot.mcap")
     with pytest.raises(NamedAlike, match="would both be spot"):
         find_recordings([one, archive / "a" / "spot.mcap"])
+    with pytest.MonkeyPatch.context() as patch:
+        # Neither a folder nor an object may lead out of the folder of results.
+        patch.chdir(archive / "b")
+        named = {task.name for task in find_recordings(["..", "../b"])}
+    assert named == {f"{archive.name}/{name}" for name in (*WHOLE, CORRUPT, "a/spot")} | {CORRUPT, "b/spot"}
+    assert find_recordings(["https://host/x/../../y.mcap"])[0].name == "y"
+    (archive / "b" / "gone.mcap").symlink_to("nowhere")
+    assert "b/gone" in {task.name for task in find_recordings([archive])}
     (archive / "empty").mkdir()
     with pytest.raises(NothingThere, match="empty"):
         find_recordings([archive / "empty"])
@@ -329,10 +394,30 @@ def test_one_batch_at_a_time_writes_to_a_folder(tmp_path: Path):
         pass
 
 
-@pytest.mark.parametrize("url", ["", "threads", "processes:0", "processes:many", "serial:2"])
+@pytest.mark.parametrize("url", ["", "threads", "processes:0", "processes:many", "serial:2", "dask://", "ray"])
 def test_what_is_no_executor_is_refused_with_what_is(url: str):
     with pytest.raises(UnknownExecutor, match="processes:N"), open_executor(url):
         pass
+
+
+def test_an_end_in_the_middle_of_work_shows_no_traceback_and_others_are_shown(monkeypatch: pytest.MonkeyPatch):
+    shown: list[type[BaseException]] = []
+    monkeypatch.setattr(threading, "excepthook", lambda broke: shown.append(broke.exc_type))
+
+    def breaks(name: str, error: Exception) -> None:
+        def run() -> None:
+            raise error
+
+        thread = threading.Thread(target=run, name=name)
+        thread.start()
+        thread.join()
+
+    with open_executor("processes:2"):
+        breaks("ExecutorManagerThread", KeyError(10))
+        breaks("ExecutorManagerThread", ValueError())
+        breaks("another", LookupError())
+    breaks("ExecutorManagerThread", KeyError(10))
+    assert shown == [ValueError, LookupError, KeyError]
 
 
 @pytest.mark.cluster
@@ -341,3 +426,9 @@ def test_a_cluster_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("inspector.executors._PATIENCE", 1)
     with pytest.raises(ExecutorRefused, match="nobody"), open_executor("dask://nobody.invalid:1"):
         pass
+    needs("ray")
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        url = f"ray://127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(ExecutorRefused, match=f"{url} cannot be reached: .*refused"), open_executor(url):
+            pass

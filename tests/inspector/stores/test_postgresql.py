@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
 from queue import Queue
 
 import psycopg
 import pytest
 
 from inspector.stores import open_store
-from inspector.stores.base import NotOwner, StoreNotOpened
+from inspector.stores.base import NewerStore, NotOwner, OlderServices, StoreNotOpened
 from inspector.stores.records import Checkpoint
+from inspector.stores.sql import migrating
+from inspector.stores.sql.migrating import SCRIPTS
 from tests.contracts.stores import (
     ONE_SENTENCE,
     DurableStoreContract,
@@ -68,6 +72,41 @@ def test_two_services_add_recipes_at_once(postgresql: Server) -> None:
         assert [each for each in added if isinstance(each, Exception)] == []
         assert [each.version for each in one.recipes("plate").items] == list(range(16, 0, -1))
         assert [each.active for each in other.recipes("plate").items] == [True] + [False] * 15
+
+
+NEXT = """
+import sqlalchemy as sa
+from alembic import op
+revision, down_revision = "9000", {head!r}
+def upgrade() -> None:
+    op.add_column("products", sa.Column("more", sa.Text()))
+"""
+
+
+def test_tables_are_not_changed_under_services_of_an_older_program(
+    postgresql: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = postgresql.new_database()
+    with open_store(url) as older:
+        older.join("0123", "station-4", 0)
+        with psycopg.connect(url) as connection:
+            ((head,),) = connection.execute("SELECT version_num FROM alembic_version").fetchall()
+        scripts = shutil.copytree(migrating.SCRIPTS, tmp_path / "scripts")
+        (scripts / "versions" / "9000_next.py").write_text(NEXT.format(head=head))
+        monkeypatch.setattr(migrating, "SCRIPTS", scripts)
+        # One that was killed does not stand in the way for longer than it takes to find out.
+        monkeypatch.setattr(migrating, "ALIVE_SECONDS", 3600.0)
+        with pytest.raises(
+            OlderServices, match=rf"of revision {head}, .* needs 9000, .* \(station-4\); stop"
+        ) as refused:
+            open_store(url)
+        assert ONE_SENTENCE.fullmatch(str(refused.value))
+        older.beat("0123")
+        older.leave("0123", "stopped")
+        open_store(url).close()
+        monkeypatch.setattr(migrating, "SCRIPTS", SCRIPTS)
+        with pytest.raises(NewerStore, match="revision 9000"):
+            open_store(url)
 
 
 def test_connections_are_bounded(postgresql: Server) -> None:
