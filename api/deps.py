@@ -33,7 +33,12 @@ def service_of(connection: HTTPConnection) -> Service:
     return connection.app.state.service
 
 
-ServiceDep = Annotated[Service, Depends(service_of)]
+async def _service_of(connection: HTTPConnection) -> Service:
+    """The same. A function that is not async would be called in one of the few threads, for which frames would wait."""
+    return service_of(connection)
+
+
+ServiceDep = Annotated[Service, Depends(_service_of)]
 
 
 async def who_asks(connection: HTTPConnection, role: Role) -> Who:

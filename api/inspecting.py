@@ -16,6 +16,7 @@ from api.errors import problem
 from api.results import Inspection, told
 from api.schemas import Asked
 from inspector.protocol import SentFrame
+from inspector.service.errors import Busy
 
 router = APIRouter(prefix="/v1/inspections", tags=["inspections"])
 
@@ -117,7 +118,12 @@ async def frame(
     if idempotency_key is not None:
         running.keys.setdefault(idempotency_key, number)
     at = next((each for each in (t_ns, t_ns_header) if each is not None), service.now_ns())
-    answer = await running.offer_and_wait(SentFrame(number, at, encoder, picture))
+    try:
+        answer = await running.offer_and_wait(SentFrame(number, at, encoder, picture))
+    except Busy:
+        # Nothing has changed: the next frame has this number, whose ever it is.
+        running.keys.pop(idempotency_key or "", None)
+        raise
     said = json.loads(answer)
     if said["kind"] == "refused":
         return problem(422, "Picture not usable", said["why"], type="refused", sequence=number)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
 import sqlite3
+import struct
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
-from contextlib import closing
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -66,6 +70,17 @@ def frames(options: str = BAD) -> tuple[Frame, ...]:
 
 def picture(frame: Frame) -> bytes:
     return (frame.encoded or encode_jpeg(frame.pixels)).data
+
+
+def bomb(width: int, height: int) -> bytes:
+    """A small PNG that announces so many pixels."""
+
+    def part(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    pixels = zlib.compress(bytes(min((width + 1) * height, 1 << 20)))
+    return b"\x89PNG\r\n\x1a\n" + part(b"IHDR", header) + part(b"IDAT", pixels) + part(b"IEND", b"")
 
 
 def sent(frame: Frame) -> bytes:
@@ -161,6 +176,19 @@ def remove_scores(data: Path, inspection_id: str) -> None:
             assert store.remove_scores(2, 2, time.time_ns()) == 1
         with database:
             database.execute(ends, [ended, inspection_id])
+
+
+@contextmanager
+def standing(service: Any) -> Iterator[None]:
+    """Its scorers stand still meanwhile: what is sent waits."""
+    scorers = [scorer.pid for scorer in service.inspections.pool.scorers]
+    for scorer in scorers:
+        os.kill(scorer, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        for scorer in scorers:
+            os.kill(scorer, signal.SIGCONT)
 
 
 def begin(client: TestClient, part: str = PART) -> str:

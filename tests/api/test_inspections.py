@@ -5,22 +5,36 @@ from __future__ import annotations
 import json
 import os
 import signal
-import struct
+import threading
 import time
-import zlib
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
-from api.app import create_app
+from api.app import THREADS, create_app
 from inspector.recording import SweepReader
 from inspector.service.service import Service
 from inspector.settings import read_settings
 from models.verdict import Policy
-from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, learnt, picture, post, remove_scores, teach
+from tests.api.stations import (
+    GOOD,
+    PRODUCT,
+    begin,
+    bomb,
+    feed,
+    frames,
+    learnt,
+    picture,
+    post,
+    remove_scores,
+    standing,
+    taught,
+    teach,
+)
 
 HERE = "http://127.0.0.1"
 
@@ -161,6 +175,26 @@ def test_a_frame_that_is_sent_again_is_not_scored_twice(client: TestClient):
     wrong(post(client, inspection, frames()[3], sequence=3), 409, "the next number is 6")
 
 
+def test_a_frame_that_finds_no_room_has_no_number_and_is_scored_when_it_is_sent_again(tmp_path: Path):
+    settings = read_settings(data=taught(tmp_path / "data"), scorers=1, window=1)
+    app = create_app(settings)
+    with TestClient(app, base_url=HERE) as client, ThreadPoolExecutor(1) as another:
+        inspection = begin(client)
+
+        def by_key(number: int) -> Any:
+            jpeg = {"content-type": "image/jpeg", "idempotency-key": f"frame-{number}"}
+            return client.post(f"/v1/inspections/{inspection}/frames", content=picture(frames()[number]), headers=jpeg)
+
+        with standing(app.state.service):
+            waits = another.submit(by_key, 0)
+            while client.get(f"/v1/inspections/{inspection}").json()["next_sequence"] == 0:
+                assert not waits.done()
+            wrong(by_key(1), 503, "1 frames wait already")
+        first, third, second = waits.result(), by_key(2), by_key(1)
+        scored = [(each.json()["index"], each.json()["sequence"]) for each in (first, third, second)]
+    assert scored == [(0, 0), (1, 1), (2, 2)]
+
+
 def test_begin_and_conclude_may_be_retried_by_their_key(client: TestClient):
     asked = {"json": {"product_id": PRODUCT, "part_id": "0008"}, "headers": {"idempotency-key": "part-0008"}}
     begun = client.post("/v1/inspections", **asked)
@@ -182,17 +216,6 @@ def test_after_conclude_nothing_more_is_taken_and_nothing_is_lost(client: TestCl
     wrong(client.post(f"/v1/inspections/{inspection}/conclude"), 409, "is completed already")
     wrong(client.post(f"/v1/inspections/{inspection}/abort"), 409, "is completed already")
     assert client.get(f"/v1/inspections/{inspection}/result").json() == result
-
-
-def bomb(width: int, height: int) -> bytes:
-    """A small PNG that announces so many pixels."""
-
-    def part(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    pixels = zlib.compress(bytes(min((width + 1) * height, 1 << 20)))
-    return b"\x89PNG\r\n\x1a\n" + part(b"IHDR", header) + part(b"IDAT", pixels) + part(b"IEND", b"")
 
 
 @pytest.mark.parametrize(
@@ -393,15 +416,41 @@ def test_when_the_scorer_dies_the_inspection_says_so_and_the_next_one_runs(clien
     feed(client, begin(client), frames()[:2])
 
 
-def test_what_is_idle_is_aborted_and_one_too_many_is_refused(tmp_path: Path):
-    settings = read_settings(data=tmp_path / "data", scorers=1, idle_seconds=1.5, max_inspections=2)
-    app = create_app(settings)
-    with TestClient(app, base_url=HERE) as client:
-        teach(app.state.service)
-        idle, _ = begin(client), begin(client)
+def test_frames_do_not_wait_for_who_reads(client: TestClient, service: Service, monkeypatch: pytest.MonkeyPatch):
+    inspection = begin(client)
+    slow, came, go = service.store.dispositions, threading.Semaphore(0), threading.Event()
+
+    def waits(*asked: Any) -> Any:
+        came.release()
+        go.wait(60)
+        return slow(*asked)
+
+    monkeypatch.setattr(service.store, "dispositions", waits)
+    with ThreadPoolExecutor(THREADS + 1) as others:
+        reading = [others.submit(client.get, f"/v1/inspections/{inspection}/dispositions") for _ in range(THREADS)]
+        try:
+            for _ in reading:
+                assert came.acquire(timeout=60)
+            assert others.submit(post, client, inspection, frames()[0]).result(60).status_code == 200
+        finally:
+            go.set()
+        assert [each.result().status_code for each in reading] == [200] * THREADS
+
+
+def test_one_too_many_is_refused(tmp_path: Path):
+    settings = read_settings(data=taught(tmp_path / "data"), scorers=1, max_inspections=2)
+    with TestClient(create_app(settings), base_url=HERE) as client:
+        begin(client)
+        begin(client)
         refused = client.post("/v1/inspections", json={"product_id": PRODUCT, "part_id": "3"})
         wrong(refused, 503, "2 are running, 2 are allowed")
         assert int(refused.headers["retry-after"]) > 0
+
+
+def test_what_is_idle_is_aborted(tmp_path: Path):
+    settings = read_settings(data=taught(tmp_path / "data"), scorers=1, idle_seconds=1.5)
+    with TestClient(create_app(settings), base_url=HERE) as client:
+        idle = begin(client)
         deadline = time.monotonic() + 30
         while (told := client.get(f"/v1/inspections/{idle}").json())["state"] == "processing":
             assert time.monotonic() < deadline
