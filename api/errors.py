@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import structlog
-from fastapi import FastAPI
-from fastapi.exceptions import RequestValidationError
+from fastapi import FastAPI, WebSocket
+from fastapi.exceptions import RequestValidationError, ValidationException, WebSocketRequestValidationError
 from fastapi.requests import Request
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
@@ -203,8 +203,10 @@ def install(app: FastAPI) -> None:
         return answer
 
     async def invalid(request: Request, error: RequestValidationError) -> Response:
-        found = [_told(each) for each in error.errors()]
-        return problem(422, TITLES[422], f"{found[0]['where']}: {found[0]['said']}", type="invalid", errors=found)
+        return _invalid(error)
+
+    async def denied(socket: WebSocket, error: WebSocketRequestValidationError) -> None:
+        await socket.send_denial_response(_invalid(error))
 
     async def http(request: Request, error: HTTPException) -> Response:
         said = error.detail
@@ -228,8 +230,14 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(ClientDisconnect, gone)  # pyright: ignore[reportArgumentType]
     app.add_exception_handler(InspectionError, ours)  # pyright: ignore[reportArgumentType]
     app.add_exception_handler(RequestValidationError, invalid)  # pyright: ignore[reportArgumentType]
+    app.add_exception_handler(WebSocketRequestValidationError, denied)  # pyright: ignore[reportArgumentType]
     app.add_exception_handler(HTTPException, http)  # pyright: ignore[reportArgumentType]
     app.add_exception_handler(Exception, unexpected)
+
+
+def _invalid(error: ValidationException) -> Response:
+    found = [_told(each) for each in error.errors()]
+    return problem(422, TITLES[422], f"{found[0]['where']}: {found[0]['said']}", type="invalid", errors=found)
 
 
 def _told(wrong: Mapping[str, Any]) -> dict[str, str]:

@@ -35,7 +35,7 @@ class Guard:
             await self._app(scope, receive, send)
             return
         if (why := self._stray(HTTPConnection(scope))) is not None:
-            await _refuse(why, scope, receive, send)
+            await problem(403, "Not from there", why)(scope, receive, send)
             return
         if scope["type"] == "websocket":
             await self._app(scope, receive, send)
@@ -104,11 +104,3 @@ def _method(scope: MutableMapping[str, Any]) -> str:
     """One of a few: what anybody may write would make a label each."""
     method = str(scope["method"])
     return method if method in ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS") else "other"
-
-
-async def _refuse(why: str, scope: Scope, receive: Receive, send: Send) -> None:
-    if scope["type"] == "websocket":
-        await receive()
-        await send({"type": "websocket.close", "code": 1008, "reason": why[:120]})
-    else:
-        await problem(403, "Not from there", why)(scope, receive, send)

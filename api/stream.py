@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query, WebSocket
 from pydantic import Field, ValidationError
 
 from api.connection import DONE, RESTART, TAKEN_OVER, AbstractConnection, admitted
-from api.deps import service_of
+from api.deps import Id, service_of
 from api.schemas import Asked
 from inspector.protocol import SentFrame
 from inspector.service.errors import Moved
@@ -24,7 +24,7 @@ router = APIRouter()
 @router.websocket("/v1/inspections/{inspection_id}/stream")
 async def stream(
     socket: WebSocket,
-    inspection_id: str,
+    inspection_id: Id,
     after: Annotated[int, Query(ge=-1)] = -1,
     log: Annotated[str, Query(max_length=64)] = "",
 ) -> None:
@@ -34,8 +34,9 @@ async def stream(
     if running is None:
         return
     await socket.accept()
-    # What another process numbered is not what this one did: then everything is told again.
-    await _Connection(socket, service, running, after if log in ("", running.log_id) else -1).run()
+    # What another process numbered, or nobody said yet, was not heard here: then everything is told again.
+    heard = log in ("", running.log_id) and after < len(running.messages)
+    await _Connection(socket, service, running, after if heard else -1).run()
 
 
 class ConcludeMessage(Asked):

@@ -9,7 +9,7 @@ from fastapi import APIRouter, WebSocket
 from pydantic import Field
 
 from api.connection import RESTART, AbstractConnection, admitted
-from api.deps import service_of
+from api.deps import Id, service_of
 from api.schemas import Asked
 from inspector.protocol import SentFrame
 from inspector.service.locating import CREDITS, Trail
@@ -25,7 +25,7 @@ class HandMessage(Asked):
 
 
 @router.websocket("/v1/workspaces/{workspace_id}/track")
-async def track(socket: WebSocket, workspace_id: str) -> None:
+async def track(socket: WebSocket, workspace_id: Id) -> None:
     """Frames in, messages out, until the connection ends; a new one begins anew."""
     service = service_of(socket)
     trail = await admitted(socket, lambda: service.locating.track(workspace_id))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from starlette.testclient import WebSocketDenialResponse
 
 import api
 import inspector
@@ -118,6 +119,17 @@ def test_what_was_not_expected_is_told_in_the_log_only(tmp_path: Path, capsys: p
 )
 def test_pages_from_elsewhere_cannot_ask(client: TestClient, headers: dict[str, str], status: int) -> None:
     assert client.get("/livez", headers=headers).status_code == status
+
+
+def test_a_stream_cannot_be_opened_by_a_page_from_elsewhere(client: TestClient) -> None:
+    evil = {"origin": "https://evil.example"}
+    with (
+        pytest.raises(WebSocketDenialResponse) as denied,
+        client.websocket_connect("ws://127.0.0.1/v1/x", headers=evil),
+    ):
+        pass
+    assert denied.value.status_code == 403
+    assert "only pages of this service" in denied.value.json()["detail"]
 
 
 def test_no_other_origin_is_invited(client: TestClient) -> None:

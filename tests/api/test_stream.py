@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from starlette.testclient import WebSocketDenialResponse
 from starlette.websockets import WebSocketDisconnect
 
 from api.app import create_app
 from inspector.recording import SweepReader
 from inspector.replay import replay
 from inspector.settings import read_settings
-from tests.api.stations import GOOD, Stream, begin, feed, frames, learnt, post, sent, sweep, teach
+from tests.api.stations import GOOD, Stream, begin, feed, frames, learnt, post, sent, standing, sweep, teach
 
 HERE = "http://127.0.0.1"
+WINDOW = 8
 
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    settings = read_settings(data=tmp_path_factory.mktemp("station") / "data", scorers=1, window=8)
+    settings = read_settings(data=tmp_path_factory.mktemp("station") / "data", scorers=1, window=WINDOW)
     app = create_app(settings)
     with TestClient(app, base_url=HERE) as client:
         teach(app.state.service)
@@ -101,14 +102,15 @@ def test_a_broken_connection_loses_nothing_and_nothing_is_scored_twice(client: T
     assert result["digest"] == replay(SweepReader(sweep()), learnt()).result.digest
 
 
-def test_after_the_verdict_a_late_connection_hears_all_of_it_again(client: TestClient):
+@pytest.mark.parametrize(("after", "first"), [(2, 3), (999, 0)])
+def test_after_the_verdict_a_late_connection_hears_all_of_it_again(client: TestClient, after: int, first: int):
     inspection = begin(client)
     feed(client, inspection, frames()[:6])
     client.post(f"/v1/inspections/{inspection}/conclude")
-    with stream(client, inspection, after=2) as socket:
+    with stream(client, inspection, after=after) as socket:
         talk = Stream(socket)
         talk.hear("verdict")
-        assert talk.said[1]["n"] == 3
+        assert talk.said[1]["n"] == first
         with pytest.raises(WebSocketDisconnect):
             socket.receive_text()
 
@@ -130,23 +132,18 @@ def test_what_is_sent_beyond_the_credits_is_dropped_counted_and_recorded(client:
     with stream(client, inspection) as socket:
         talk = Stream(socket)
         talk.hear("ready")
-        for frame in frames():
-            socket.send_bytes(sent(frame))
-        answered = 0
-        while answered < len(frames()):
-            talk.said.append(json.loads(socket.receive_text()))
-            answered += talk.said[-1]["kind"] in ("scored", "dropped")
+        with standing(client.app.state.service):  # type: ignore[attr-defined]
+            for frame in frames():
+                socket.send_bytes(sent(frame))
+            for frame in frames()[WINDOW:]:
+                assert talk.hear("dropped")["sequence"] == frame.sequence
         socket.send_json({"kind": "conclude"})
         result = talk.hear("verdict")["result"]
-    dropped = {each["sequence"] for each in talk.kinds("dropped")}
-    scored = {each["sequence"] for each in talk.kinds("scored")}
-    assert dropped
-    assert not dropped & scored
-    assert dropped | scored == {frame.sequence for frame in frames()}
-    assert result["frames_dropped"] == len(dropped)
-    assert len(result["frames"]) == len(scored)
+    assert {each["sequence"] for each in talk.kinds("scored")} == {frame.sequence for frame in frames()[:WINDOW]}
+    assert len(result["frames"]) == WINDOW
+    assert result["frames_dropped"] == len(frames()) - WINDOW
     told = client.get("/metrics").text
-    assert f'inspector_frames_total{{outcome="dropped",product="plate"}} {len(dropped)}.0' in told
+    assert f'inspector_frames_total{{outcome="dropped",product="plate"}} {len(frames()) - WINDOW}.0' in told
 
 
 @pytest.mark.parametrize(
@@ -203,6 +200,20 @@ def test_a_stream_of_nothing_known_is_denied_in_words(client: TestClient):
     response: Any = denied.value
     assert response.status_code == 404
     assert "no inspection" in response.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"), [("no%20id/stream", "path.inspection_id"), ("none/stream?after=x", "query.after")]
+)
+def test_a_stream_that_is_asked_for_wrongly_is_denied_in_words(client: TestClient, asked: str, said: str):
+    with (
+        pytest.raises(WebSocketDenialResponse) as denied,
+        client.websocket_connect(f"ws://127.0.0.1/v1/inspections/{asked}"),
+    ):
+        pass
+    assert denied.value.status_code == 422
+    assert denied.value.headers["content-type"] == "application/problem+json"
+    assert denied.value.json()["detail"].startswith(said)
 
 
 def test_good_and_bad_at_once_do_not_mix(client: TestClient):
