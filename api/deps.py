@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 
 from api.schemas import Problem
+from inspector.service import sweeps
 from inspector.service.access import Who
 from inspector.service.service import Service
 from inspector.settings import NAME
@@ -68,8 +69,8 @@ After = Annotated[int | None, Query(ge=0, le=2**63 - 1, description="`next` of t
 Limit = Annotated[int, Query(ge=1, le=200, description="The most that a page may hold.")]
 PRODUCT = f"^{NAME.pattern}$"
 """What products may be called."""
-PART = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]{1,128}$"
-"""What parts may be called: 1 to 128 printable characters."""
+PART = f"^{sweeps.PART.pattern}$"
+"""What parts may be called."""
 
 TEXT = r"^[^\x00]*$"
 """Free text; databases know no zero in one."""

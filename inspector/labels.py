@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from inspector.errors import PictureUnreadable, WorldError
-from inspector.pictures import decode
+from inspector.pictures import MAX_PIXELS, decode
 from inspector.recording import SweepReader, json_messages
 from models.errors import PictureError
 from models.frame import EncodedPicture
@@ -47,10 +47,10 @@ class LabelledFiles:
     rows: tuple[tuple[Path, str, tuple[float, ...]], ...]
     """File, object, q."""
 
-    def pictures(self) -> Iterator[LabelledPicture]:
+    def pictures(self, max_pixels: int = MAX_PIXELS) -> Iterator[LabelledPicture]:
         """Read one by one. Raises PictureError, which names the file."""
         for path, name, q in self.rows:
-            yield LabelledPicture(name, q, read_picture(path))
+            yield LabelledPicture(name, q, read_picture(path, max_pixels))
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ class LabelledRecording:
     labels: Mapping[int, tuple[str, tuple[float, ...]]]
     """Object and q by the time of the picture."""
 
-    def pictures(self) -> Iterator[LabelledPicture]:
+    def pictures(self, max_pixels: int = MAX_PIXELS) -> Iterator[LabelledPicture]:
         """Those that are labelled, in recorded order. Raises RecordingError, and LabelsRefused where there is none."""
         found = False
-        for frame in SweepReader(self.path):
+        for frame in SweepReader(self.path, max_pixels=max_pixels):
             if frame.t_ns in self.labels:
                 found = True
                 name, q = self.labels[frame.t_ns]
@@ -80,7 +80,7 @@ class Labels(Protocol):
     @property
     def parameters(self) -> tuple[Parameter, ...]: ...
 
-    def pictures(self) -> Iterator[LabelledPicture]:
+    def pictures(self, max_pixels: int = MAX_PIXELS) -> Iterator[LabelledPicture]:
         """One by one."""
         ...
 
@@ -173,10 +173,10 @@ def _row(path: Path, number: int, row: Mapping[str, str], names: Sequence[str]) 
     return path.parent / row["file"].strip(), row["object"].strip(), tuple(q)
 
 
-def read_picture(path: Path | str) -> np.ndarray:
+def read_picture(path: Path | str, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """Its pixels, grey or colour. Raises PictureError, which names the file."""
     try:
-        return decode(EncodedPicture("", Path(path).read_bytes()))
+        return decode(EncodedPicture("", Path(path).read_bytes()), max_pixels=max_pixels)
     except OSError as error:
         raise PictureError(f"{path}: {error.strerror or error}; allowed is a picture") from error
     except PictureUnreadable as error:

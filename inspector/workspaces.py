@@ -8,18 +8,25 @@ from typing import Any
 
 from inspector.files import refuse_taken, write_new
 from inspector.labels import Labels, read_picture
+from inspector.pictures import MAX_PIXELS
 from models.errors import AppearanceError, PictureError
 from models.workspace import Located, Workspace, learn_workspace
 
 
-def learn_labels(labels: Labels, out: Path | str, progress: Callable[[float], None] | None = None) -> Workspace:
+def learn_labels(
+    labels: Labels,
+    out: Path | str,
+    progress: Callable[[float], None] | None = None,
+    *,
+    max_pixels: int = MAX_PIXELS,
+) -> Workspace:
     """Learn from labelled pictures, and write the workspace to the new file `out`.
 
     Raises LabelsRefused, LearningError, PictureError, OutputExists, NotWritten.
     """
     out = Path(out)
     refuse_taken(out)
-    workspace = learn_workspace(labels.pictures(), labels.parameters, progress)
+    workspace = learn_workspace(labels.pictures(max_pixels), labels.parameters, progress)
     write_new(out, workspace.to_bytes())
     return workspace
 

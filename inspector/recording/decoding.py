@@ -14,7 +14,7 @@ from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
 from inspector.errors import PictureUnreadable
-from inspector.pictures import decode
+from inspector.pictures import MAX_PIXELS, decode
 from inspector.recording import ros
 from inspector.recording.raw_images import RawImage, to_pixels
 from models.frame import EncodedPicture
@@ -49,7 +49,7 @@ def holds_pictures(channel: Channel, schema: Schema | None) -> bool:
     return schema is not None and schema.name in KINDS and channel.message_encoding in ENCODINGS
 
 
-def picture_reader(channel: Channel, schema: Schema) -> Callable[[bytes], Picture]:
+def picture_reader(channel: Channel, schema: Schema, max_pixels: int = MAX_PIXELS) -> Callable[[bytes], Picture]:
     """The function from a message's bytes to its picture; ValueError when the schema in the file is not understood."""
     names = KINDS[schema.name]
     fields = _field_reader(channel.message_encoding, schema, names)
@@ -57,7 +57,7 @@ def picture_reader(channel: Channel, schema: Schema) -> Callable[[bytes], Pictur
 
     def read(data: bytes) -> Picture:
         try:
-            return build(fields(data))
+            return build(fields(data), max_pixels)
         except (ValueError, TypeError, KeyError, RecursionError, DecodeError) as error:
             raise PictureUnreadable(schema.name, len(data), f"the message is damaged: {error}") from error
 
@@ -109,12 +109,13 @@ def _typed(fields: Fields, name: str, kind: type[T]) -> T:
     return value
 
 
-def _compressed(fields: Fields) -> Picture:
+def _compressed(fields: Fields, max_pixels: int) -> Picture:
     picture = EncodedPicture(_typed(fields, "format", str), _typed(fields, "data", bytes))
-    return Picture(decode(picture), picture)
+    return Picture(decode(picture, max_pixels=max_pixels), picture)
 
 
-def _raw(fields: Fields) -> Picture:
+def _raw(fields: Fields, max_pixels: int) -> Picture:
     width, height, step = (_typed(fields, name, int) for name in ("width", "height", "step"))
     encoding, data = _typed(fields, "encoding", str), _typed(fields, "data", bytes)
-    return Picture(to_pixels(RawImage(width, height, encoding, step, data, bool(fields.get("is_bigendian")))), None)
+    image = RawImage(width, height, encoding, step, data, bool(fields.get("is_bigendian")))
+    return Picture(to_pixels(image, max_pixels=max_pixels), None)

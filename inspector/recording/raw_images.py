@@ -57,7 +57,7 @@ def _encodings() -> dict[str, Encoding]:
 ENCODINGS = _encodings()
 
 
-def to_pixels(image: RawImage) -> np.ndarray:
+def to_pixels(image: RawImage, *, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     """(h, w) grey or (h, w, 3) blue-green-red, uint8 or uint16; PictureUnreadable when the sizes do not fit.
 
     >>> to_pixels(RawImage(2, 1, "rgb8", 6, bytes((1, 2, 3, 4, 5, 6)))).tolist()
@@ -66,6 +66,8 @@ def to_pixels(image: RawImage) -> np.ndarray:
     encoding = ENCODINGS.get(image.encoding)
     if encoding is None:
         raise _refused(image, f"allowed encodings are {', '.join(sorted(ENCODINGS))}")
+    if not 0 < image.width * image.height <= max_pixels:
+        raise PictureTooLarge(image.encoding, len(image.data), image.width, image.height, max_pixels)
     planes = _rows(image, encoding)
     if encoding.convert is None:
         return planes
@@ -79,8 +81,6 @@ def _rows(image: RawImage, encoding: Encoding) -> np.ndarray:
     """The samples of every pixel, without the padding at the ends of the rows, in the computer's byte order."""
     row = image.width * encoding.samples * encoding.bits // 8
     step = image.step or row
-    if not 0 < image.width * image.height <= MAX_PIXELS:
-        raise PictureTooLarge(image.encoding, len(image.data), image.width, image.height, MAX_PIXELS)
     # Some writers leave out the padding behind the last row.
     if step < row or len(image.data) not in (step * image.height, step * (image.height - 1) + row):
         raise _refused(image, f"{image.width}x{image.height} pixels in rows of {step} bytes do not fill it")

@@ -13,6 +13,7 @@ from typing import BinaryIO
 from inspector.errors import ManyCameras, NoPictures, NoSuchTopic, NotARecording, RecordingError
 from inspector.locations import Location, RemoteFile, to_location
 from inspector.objects import NoSuchObject
+from inspector.pictures import MAX_PIXELS
 from inspector.recording.decoding import holds_pictures
 from inspector.recording.framing import MAGIC
 from inspector.recording.reading import Pass
@@ -32,13 +33,16 @@ class Drop:
 class SweepReader:
     """The frames of one topic of one recording; can be iterated again and again, each time from the file.
 
-    The time of a frame is the log time. A picture that cannot be decoded is left out and told in `losses`, never
-    shown; its number stays free in `sequence`. What is named by URL is fetched as it is read.
+    The time of a frame is the log time. A picture that cannot be decoded, or has more than `max_pixels`, is left out
+    and told in `losses`, never shown; its number stays free in `sequence`. What is named by URL is fetched as it is
+    read.
     """
 
-    def __init__(self, path: Path | RemoteFile | str, *, topic: str | None = None) -> None:
+    def __init__(
+        self, path: Path | RemoteFile | str, *, topic: str | None = None, max_pixels: int = MAX_PIXELS
+    ) -> None:
         self.path = find_recording(to_location(path))
-        self._wanted = topic
+        self._wanted, self._max_pixels = topic, max_pixels
         self.losses: tuple[str, ...] = ()
         """After a pass: a sentence for each thing that was lost or not readable."""
         self.drops: tuple[Drop, ...] = ()
@@ -62,7 +66,7 @@ class SweepReader:
 
     def __iter__(self) -> Iterator[Frame]:
         with self.path.open("rb") as file:
-            run = Pass(self.path, self._survey, self.topic)
+            run = Pass(self.path, self._survey, self.topic, self._max_pixels)
             try:
                 yield from run.frames(file)
             finally:

@@ -25,11 +25,11 @@ FIELDS = {ENCODER: ("position",), EVENTS: ("kind", "count")}
 class Pass:
     """State of one iteration; a new one for each."""
 
-    def __init__(self, path: Location, survey: Survey, topic: str) -> None:
+    def __init__(self, path: Location, survey: Survey, topic: str, max_pixels: int) -> None:
         self.drops: list[tuple[int, int]] = []
         self.yielded = 0
         self._survey = survey
-        self._pictures = _picture_readers(path, survey, topic)
+        self._pictures = _picture_readers(path, survey, topic, max_pixels)
         self._beside = _readers_beside(survey)
         self._position: tuple[int, int, float] | None = None
         """Sequence, time and value of the encoder's last word; it comes just before its frame."""
@@ -126,13 +126,15 @@ class Pass:
             self.drops.append((message.log_time, int(fields["count"])))
 
 
-def _picture_readers(path: Location, survey: Survey, topic: str) -> dict[int, Callable[[bytes], Picture]]:
+def _picture_readers(
+    path: Location, survey: Survey, topic: str, max_pixels: int
+) -> dict[int, Callable[[bytes], Picture]]:
     readers: dict[int, Callable[[bytes], Picture]] = {}
     for number, channel in survey.channels.items():
         schema = survey.schemas.get(channel.schema_id)
         if channel.topic == topic and schema is not None and holds_pictures(channel, schema):
             try:
-                readers[number] = picture_reader(channel, schema)
+                readers[number] = picture_reader(channel, schema, max_pixels)
             except ValueError as error:
                 raise NoPictures(path, f"topic {topic}: {error}") from error
     return readers

@@ -124,6 +124,7 @@ class Service:
             recording=recording,
             cameras=settings.cameras,
             max_frames=settings.max_frames,
+            max_pixels=settings.max_pixels,
             now_ns=self.now_ns,
         )
         self.learning = Learning(store, files, learning, self.now_ns, executor=settings.executor)
@@ -152,7 +153,13 @@ class Service:
         )
         self.peers.on(HAND_OVER, lambda asked: self.inspections.give_soon(asked["inspection_id"]))
         self.workspaces = Workspaces(
-            store, files, looking=looking, learning=learning, max_bytes=settings.max_recording, now_ns=self.now_ns
+            store,
+            files,
+            looking=looking,
+            learning=learning,
+            max_bytes=settings.max_recording,
+            max_pixels=settings.max_pixels,
+            now_ns=self.now_ns,
         )
         self.locating = Locating(store, files, self.inspections.pool, most=settings.max_inspections)
         self.inspections.beside = self.locating.loads

@@ -6,6 +6,7 @@ inspector.errors.CameraError
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -26,6 +27,10 @@ class NoSuchCamera(CameraError):
     def __init__(self, name: str, known: Mapping[str, str]) -> None:
         names = ", ".join(sorted(known)) or "none: name one in the settings of the service"
         super().__init__(f"camera {name!r} is not known here; known are {names}")
+
+
+PART = re.compile(r"[^\x00-\x1f\x7f-\x9f\u2028\u2029]{1,128}")
+"""What parts may be called: 1 to 128 printable characters."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +54,12 @@ class Sweeps:
         recording: Desk,
         cameras: Mapping[str, str],
         max_frames: int,
+        max_pixels: int,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._store, self._files, self._looking, self._recording = store, files, looking, recording
-        self._cameras, self._max_frames, self._now_ns = cameras, max_frames, now_ns
+        self._cameras, self._now_ns = cameras, now_ns
+        self._limits = {"max_frames": max_frames, "max_pixels": max_pixels}
 
     def url(self, camera: str) -> str:
         """Of a named camera. Raises NoSuchCamera."""
@@ -67,11 +74,12 @@ class Sweeps:
         """
         try:
             with naming({str(received.draft): "the recording"}):
-                found = self._looking.do(
-                    "survey", {"recording": str(received.draft), "max_frames": self._max_frames}
-                )  # fmt: skip
-            part_id = part_id or found["facts"].get("part_id")
-            return self._add(received, product_id, part_id, found, "upload")
+                found = self._looking.do("survey", {"recording": str(received.draft), **self._limits})
+            named = found["facts"].get("part_id") if part_id is None else part_id
+            if named is not None and not PART.fullmatch(named):
+                said = f"the recording calls its part {named[:80]!r}; allowed are 1 to 128 printable characters"
+                named, found["losses"] = None, [*found["losses"], said]
+            return self._add(received, product_id, named, found, "upload")
         finally:
             remove(received.draft)
 

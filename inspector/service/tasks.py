@@ -62,9 +62,9 @@ class TooManyFrames(RecordingError):
         super().__init__(f"{path}: more frames than allowed; allowed are {allowed}")
 
 
-def survey(progress: Progress, *, recording: str, max_frames: int) -> Json:
+def survey(progress: Progress, *, recording: str, max_frames: int, max_pixels: int) -> Json:
     """What a recording holds, every frame of it read. Raises RecordingError."""
-    reader, count = SweepReader(recording), 0
+    reader, count = SweepReader(recording, max_pixels=max_pixels), 0
     announced = count_frames(reader.path)
     for _ in reader:
         count += 1
@@ -296,6 +296,7 @@ def learn_workspace(
     workspace: str,
     max_bytes: int,
     max_files: int,
+    max_pixels: int,
 ) -> Json:
     """Labelled pictures, in an archive or a recording, as a workspace: what `check_workspace` tells of it.
 
@@ -308,7 +309,7 @@ def learn_workspace(
         labels = read_archive(path, Path(folder), periods, max_bytes=max_bytes, max_files=max_files)
     else:
         labels = read_recording(path, periods)
-    return _workspace(learn_labels(labels, workspace, progress), workspace)
+    return _workspace(learn_labels(labels, workspace, progress, max_pixels=max_pixels), workspace)
 
 
 def _workspace(learnt: Workspace, path: str) -> Json:

@@ -28,10 +28,12 @@ class Workspaces:
         looking: Desk,
         learning: Desk,
         max_bytes: int,
+        max_pixels: int,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._store, self._files, self._looking, self._learning = store, files, looking, learning
-        self._max_bytes, self._now_ns = max_bytes, now_ns
+        self._now_ns = now_ns
+        self._limits = {"max_bytes": max_bytes, "max_files": MAX_FILES, "max_pixels": max_pixels}
 
     def keep(self, draft: Path, name: str | None) -> StoredWorkspace:
         """A learnt file that was received, where it is one. Raises WorkFailed, NotWritten."""
@@ -49,7 +51,7 @@ class Workspaces:
         draft, unpacked = self._files.incoming(), self._files.incoming()
         asked: Json = {
             "pictures": str(pictures), "folder": str(unpacked), "periods": dict(periods), "workspace": str(draft),
-            "max_bytes": self._max_bytes, "max_files": MAX_FILES,
+            **self._limits,
         }  # fmt: skip
         try:
             with naming({f"{unpacked}/": "", str(pictures): "the upload", str(draft): "the workspace"}):

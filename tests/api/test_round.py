@@ -7,6 +7,7 @@ import json
 import threading
 from base64 import b64encode
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,12 @@ from api.app import create_app
 from inspector.learner import add_recordings, learn_recordings, load_appearance
 from inspector.pictures import decode, encode_png
 from inspector.policies import PolicyFile
-from inspector.recording import SweepReader
+from inspector.recording import SweepReader, SweepWriter
 from inspector.replay import replay
 from inspector.settings import read_settings
-from models.frame import EncodedPicture
+from models.frame import EncodedPicture, Frame
 from models.verdict import Policy
-from tests.api.stations import BAD, GOOD, LINE, feed, material, sweep
+from tests.api.stations import BAD, GOOD, LINE, bomb, feed, material, sweep
 from tests.inspector.line import cut, recorded
 
 HERE = "http://127.0.0.1"
@@ -208,6 +209,30 @@ def test_what_an_upload_has_lost_is_told(client: TestClient, tmp_path: Path) -> 
     told = client.get(f"/v1/products/short/sweeps/{short}").json()
     assert 0 < told["frames"] < len(list(SweepReader(sweep(BAD))))
     assert told["losses"]
+
+
+def test_a_picture_in_an_upload_has_no_more_pixels_than_allowed(client: TestClient, tmp_path: Path) -> None:
+    good, path = next(iter(SweepReader(sweep(GOOD)))), tmp_path / "large.mcap"
+    with SweepWriter(path) as writer:
+        writer.write(replace(good, encoded=encode_png(good.pixels)))
+        for number, (width, height) in enumerate([(8000, 8001), (60_000, 60_000)], start=1):
+            large = EncodedPicture("png", bomb(width, height))
+            writer.write(Frame(good.pixels, good.t_ns + number, good.sequence + number, None, large))
+    large = uploaded(client, path, "large")
+    told = client.get(f"/v1/products/large/sweeps/{large}").json()
+    assert told["frames"] == 1
+    assert "2 pictures could not be decoded" in told["losses"][0]
+    assert "8000x8001 pixels announced, allowed are 64000000 in all" in told["losses"][0]
+
+
+def test_a_recording_whose_part_has_no_proper_name_is_kept_without_it(client: TestClient, tmp_path: Path) -> None:
+    path = tmp_path / "named.mcap"
+    with SweepWriter(path, part_id="7\0") as writer:
+        writer.write(next(iter(SweepReader(sweep(GOOD)))))
+    named = uploaded(client, path, "named")
+    told = client.get(f"/v1/products/named/sweeps/{named}").json()
+    assert (told["part_id"], told["frames"]) == (None, 1)
+    assert told["losses"] == [r"the recording calls its part '7\x00'; allowed are 1 to 128 printable characters"]
 
 
 @pytest.mark.parametrize("product", ["", "a b", "-a", "a" * 65, "%2e%2e%2fx", "a%00"])

@@ -30,7 +30,7 @@ from inspector.settings import read_settings
 from inspector.workspaces import learn_labels, located_record
 from models.frame import Frame
 from models.workspace import Workspace
-from tests.api.stations import Stream, begin, feed, frames, learnt, sweep, teach
+from tests.api.stations import Stream, begin, bomb, feed, frames, learnt, sweep, teach
 from tests.inspector.test_workspaces import recorded
 
 BEYOND = '{"kind": "hand", "place": {"x_px": NaN, "y_px": 0}}'
@@ -198,6 +198,10 @@ def test_an_archive_reads_nothing_but_itself(client: TestClient, tmp_path: Path)
         assert told["state"] == "failed"
         assert sentence in told["error"]
         assert str(tmp_path.parent) not in told["error"].replace(str(outside.parent), "")
+    large = zipped(files | {"pictures/0-0.jpg": bomb(60_000, 60_000)})
+    told = job(client, client.post("/v1/workspaces", content=large, headers=ZIP))
+    assert told["error"].startswith("pictures/0-0.jpg: ")
+    assert told["error"].endswith("60000x60000 pixels announced, allowed are 64000000 in all")
     broken = job(client, client.post("/v1/workspaces", content=zipped(files)[:-300], headers=ZIP))
     assert "allowed is a ZIP archive" in broken["error"]
     wrong_period = client.post("/v1/workspaces?periodic=angle", content=zipped(files), headers=ZIP)

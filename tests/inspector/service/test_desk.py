@@ -28,7 +28,7 @@ def desk() -> Iterator[Desk]:
 
 
 def test_a_recording_is_surveyed(desk: Desk, line: Line) -> None:
-    found = desk.do("survey", {"recording": str(line.good), "max_frames": 1000})
+    found = desk.do("survey", {"recording": str(line.good), "max_frames": 1000, "max_pixels": 10**8})
     assert found["frames"] == len(list(SweepReader(line.good)))
     assert (found["losses"], found["facts"]["part_id"]) == ([], "0003")
 
@@ -39,13 +39,13 @@ def test_what_cannot_be_done_is_told_with_names_for_paths(desk: Desk, tmp_path: 
         pytest.raises(WorkFailed, match=r"^the recording: no MCAP") as caught,
         naming({str(tmp_path / "a"): "the recording"}),
     ):
-        desk.do("survey", {"recording": str(tmp_path / "a"), "max_frames": 9})
+        desk.do("survey", {"recording": str(tmp_path / "a"), "max_frames": 9, "max_pixels": 10**8})
     assert caught.value.kind == "NotARecording"
 
 
 def test_a_recording_may_not_be_too_long(desk: Desk, line: Line) -> None:
     with pytest.raises(WorkFailed, match="allowed are 9"):
-        desk.do("survey", {"recording": str(line.good), "max_frames": 9})
+        desk.do("survey", {"recording": str(line.good), "max_frames": 9, "max_pixels": 10**8})
 
 
 def test_a_camera_is_recorded_and_progress_grows(desk: Desk, tmp_path: Path) -> None:
@@ -69,14 +69,14 @@ def test_a_process_that_dies_says_so_and_the_next_takes_its_place(line: Line, tm
 
     with pytest.raises(WorkerDied, match=r"the process that should record ended .*\(killed by signal 9\)"):
         desk.do("record", {**endless, "product_id": "p", "part_id": None}, kill)
-    assert desk.do("survey", {"recording": str(line.good), "max_frames": 1000})["frames"] > 0
+    assert desk.do("survey", {"recording": str(line.good), "max_frames": 1000, "max_pixels": 10**8})["frames"] > 0
     desk.close()
 
 
 def test_what_breaks_is_told_and_nothing_else_breaks_with_it(desk: Desk, line: Line) -> None:
     with pytest.raises(WorkerDied, match="TypeError"):
         desk.do("survey", {"nonsense": 1})
-    assert desk.do("survey", {"recording": str(line.good), "max_frames": 1000})["frames"] > 0
+    assert desk.do("survey", {"recording": str(line.good), "max_frames": 1000, "max_pixels": 10**8})["frames"] > 0
 
 
 def test_closing_cuts_off_what_is_done_and_refuses_more(tmp_path: Path) -> None:
