@@ -136,9 +136,8 @@ async def once(
         raise HTTPException(422, f"Idempotency-Key has {len(key)} characters; allowed are 1 to {MAX_KEY}, printable")
     told = [request.method, request.url.path, request.url.query, request.headers.get("prefer", "")]
     mark = hashlib.sha256("\0".join(told).encode() + b"\0" + (await request.body() if body is None else body))
-    claim = await in_thread(
-        service.store.claim, who.actor, key, mark.hexdigest(), service.now_ns(), node=service.peers.node_id
-    )
+    node = service.peers.node_id
+    claim = await in_thread(service.store.claim, who.actor, key, mark.hexdigest(), service.now_ns(), node=node)
     if claim.state == "settled":
         return Response(claim.body, claim.status or 200, {"Idempotency-Replayed": "true"}, JSON)
     if claim.state == "pending":
@@ -148,10 +147,10 @@ async def once(
     try:
         status, answer = await do()
         text = _text(answer)
-        await in_thread(service.store.settle, who.actor, key, status, text)
+        await in_thread(service.store.settle, who.actor, key, status, text, node=node)
     except BaseException:
         with suppress(Exception):
-            await asyncio.shield(in_thread(service.store.release, who.actor, key))
+            await asyncio.shield(in_thread(service.store.release, who.actor, key, node=node))
         raise
     return Response(text, status, media_type=JSON)
 

@@ -537,11 +537,15 @@ class AbstractStore(ABC):
         """
 
     @abstractmethod
-    def settle(self, scope: str, key: str, status: int, body: bytes) -> None:
-        """The answer that further claims get."""
+    def settle(self, scope: str, key: str, status: int, body: bytes, *, node: str | None = None) -> None:
+        """The answer that further claims get. What is settled stays.
+
+        Nothing is done where the claim is not that service's any more, as here and with `release`: it was taken for
+        gone, and another one may be at the work.
+        """
 
     @abstractmethod
-    def release(self, scope: str, key: str) -> None:
+    def release(self, scope: str, key: str, *, node: str | None = None) -> None:
         """The work was not done: the next claim is new. What is settled stays."""
 
     @abstractmethod

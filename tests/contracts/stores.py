@@ -584,6 +584,20 @@ class StoreContract(ABC):
         assert store.claim("begin", "b", "", NOW).state == "new"
         assert store.forget_claims(NOW + 100) == 0
 
+    def test_who_was_taken_for_gone_has_no_word_in_what_another_began_anew(self, store: AbstractStore) -> None:
+        for node in ("asleep", "awake"):
+            store.join(node, node, NOW)
+        assert store.claim("begin", "key", "", NOW, node="asleep").state == "new"
+        store.leave("asleep", "it was silent")
+        store.settle("begin", "key", 500, b"of nobody", node="asleep")
+        assert store.claim("begin", "key", "", NOW, node="awake").state == "new"
+        store.release("begin", "key", node="asleep")
+        store.settle("begin", "key", 500, b"too late", node="asleep")
+        assert store.claim("begin", "key", "", NOW, node="asleep").state == "pending"
+        store.settle("begin", "key", 201, b"done", node="awake")
+        store.settle("begin", "key", 500, b"again", node="awake")
+        assert store.claim("begin", "key", "", NOW, node="asleep") == Claim("settled", 201, b"done")
+
     # Services that share the store.
 
     def test_services_join_say_that_they_live_and_leave(self, store: AbstractStore) -> None:
@@ -616,7 +630,7 @@ class StoreContract(ABC):
             store.add_job(f"j-{node}", "learn", "plate", {}, NOW, node=node)
             store.claim("begin", node, "", NOW, node=node)
             store.claim("begin", f"{node}, settled", "", NOW, node=node)
-            store.settle("begin", f"{node}, settled", 200, b"")
+            store.settle("begin", f"{node}, settled", 200, b"", node=node)
         begin(store, "i-done", node="dead")
         conclude(store, "i-done", node="dead")
         store.add_job("j-nobody", "learn", "plate", {}, NOW)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sqlalchemy import delete, select, update
+from sqlalchemy import ColumnElement, delete, select, update
 
 from inspector.stores.records import Claim
 from inspector.stores.sql.database import insert_absent
@@ -27,15 +27,13 @@ class Claims(Room):
             return Claim("other")
         return Claim("pending") if row.status is None else Claim("settled", row.status, row.body)
 
-    def settle(self, scope: str, key: str, status: int, body: bytes) -> None:
-        mine = (CLAIMS.c.scope == scope, CLAIMS.c.key == key)
+    def settle(self, scope: str, key: str, status: int, body: bytes, *, node: str | None = None) -> None:
         with self._database.writing() as connection:
-            connection.execute(update(CLAIMS).where(*mine).values(status=status, body=body))
+            connection.execute(update(CLAIMS).where(*_pending(scope, key, node)).values(status=status, body=body))
 
-    def release(self, scope: str, key: str) -> None:
-        mine = (CLAIMS.c.scope == scope, CLAIMS.c.key == key, CLAIMS.c.status.is_(None))
+    def release(self, scope: str, key: str, *, node: str | None = None) -> None:
         with self._database.writing() as connection:
-            connection.execute(delete(CLAIMS).where(*mine))
+            connection.execute(delete(CLAIMS).where(*_pending(scope, key, node)))
 
     def release_pending_claims(self) -> int:
         with self._database.writing() as connection:
@@ -45,3 +43,9 @@ class Claims(Room):
         old = (CLAIMS.c.status.is_not(None), CLAIMS.c.t_ns < before_ns)
         with self._database.writing() as connection:
             return connection.execute(delete(CLAIMS).where(*old)).rowcount
+
+
+def _pending(scope: str, key: str, node: str | None) -> tuple[ColumnElement[bool], ...]:
+    """Being done by that service: one that was taken for gone has no word in what another began anew."""
+    column = CLAIMS.c
+    return column.scope == scope, column.key == key, column.status.is_(None), column.node.is_not_distinct_from(node)
