@@ -21,7 +21,6 @@ from pathlib import Path
 from uuid import uuid4
 
 from inspector.errors import WorldError
-from inspector.files import NotWritten, sync
 
 _ID = re.compile(r"[0-9a-f]{32}")
 _HASH = re.compile(r"sha256:([0-9a-f]{64})")
@@ -80,34 +79,9 @@ class DataFolder:
             self._open = False
             os.close(self._lock)
 
-    def sweep(self, sweep_id: str) -> Path:
-        """The recording of a sweep. Raises NoFileId."""
-        return self.path / "sweeps" / f"{self.checked(sweep_id)}.mcap"
-
-    def appearance(self, appearance_id: str) -> Path:
-        """What was learnt. Raises NoFileId."""
-        return self.path / "appearances" / f"{self.hash_of(appearance_id)}.appearance"
-
-    def workspace(self, workspace_id: str) -> Path:
-        """Where objects are. Raises NoFileId."""
-        return self.path / "workspaces" / f"{self.hash_of(workspace_id)}.workspace"
-
-    def inspection(self, inspection_id: str) -> Path:
-        """The recording of an inspection. Raises NoFileId."""
-        return self.path / "inspections" / f"{self.checked(inspection_id)}.mcap"
-
     def incoming(self) -> Path:
         """A new name for what is being received, or made."""
         return self.path / "incoming" / new_id()
-
-    def keep(self, draft: Path, path: Path) -> None:
-        """What was received becomes a file that stays, on the disk and by name when this returns. Raises NotWritten."""
-        try:
-            sync(draft)
-            draft.rename(path)
-            sync(path.parent)
-        except OSError as error:
-            raise NotWritten(path, error.strerror or str(error)) from error
 
     def check_writable(self) -> None:
         """Raises FolderRefused where nothing can be written any more."""

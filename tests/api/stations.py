@@ -27,6 +27,7 @@ from inspector.pictures import encode_jpeg
 from inspector.protocol import SentFrame
 from inspector.recorder import record
 from inspector.recording import SweepReader
+from inspector.service.files import Files
 from inspector.service.folder import DataFolder
 from inspector.stores import open_store
 from inspector.stores.records import StoredAppearance
@@ -90,7 +91,7 @@ def sent(frame: Frame) -> bytes:
 
 def teach(service: Any, policy: Policy = Policy()) -> str:  # noqa: B008 (a frozen value)
     """The product is there, learnt, with an active recipe, whose id is returned."""
-    path = service.folder.appearance(learnt().id)
+    path = Files(service.folder).local_appearance(learnt().id)
     if not path.exists():
         shutil.copy(material() / "plate.appearance", path)
     store, now = service.store, service.now_ns()

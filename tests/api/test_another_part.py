@@ -53,7 +53,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
         teach(service)
         path = casting() / "casting.appearance"
         known = load_appearance(path).id
-        shutil.copy(path, service.folder.appearance(known))
+        shutil.copy(path, service.files.local_appearance(known))
         now = service.now_ns()
         service.store.ensure_product(OTHER, now)
         service.store.add_appearance(StoredAppearance(known, OTHER, now, (), {}, (), path.stat().st_size))

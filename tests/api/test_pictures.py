@@ -104,7 +104,7 @@ def test_what_cannot_be_shown_says_why(client: TestClient, app: FastAPI) -> None
     assert client.get(f"{path}/-1").status_code == 422
     problem(client.get(f"/v1/inspections/{'0' * 32}/frames/0/pictures/seen"), 404, "no inspection")
     service = app.state.service
-    service.folder.inspection(inspection).unlink()
+    service.files.whole(inspection).unlink()
     service.store.set_recording(inspection, "removed", note="it was too old")
     problem(client.get(f"{path}/1/pictures/frame"), 410, "it was too old")
     assert client.get(f"{path}/1").status_code == 200

@@ -317,8 +317,8 @@ def test_nothing_is_tracked_by_a_workspace_that_is_not_there(client: TestClient)
 def test_a_workspace_whose_file_was_damaged_is_said_before_any_frame(client: TestClient) -> None:
     other = learn_displacements(camera(), count=4)
     assert client.post("/v1/workspaces", content=other.to_bytes()).status_code == 201
-    folder = client.app.state.service.folder  # type: ignore[attr-defined]
-    folder.workspace(other.id).write_bytes(other.to_bytes()[:-1])
+    files = client.app.state.service.files  # type: ignore[attr-defined]
+    files.local("workspace", other.id).write_bytes(other.to_bytes()[:-1])
     with pytest.raises(WebSocketDenialResponse) as refused, tracked(client, other.id):
         pass
     assert refused.value.status_code == 500

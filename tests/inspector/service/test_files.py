@@ -138,7 +138,7 @@ def test_copies_that_nobody_asked_for_in_a_week_go_and_are_fetched_again(
 ) -> None:
     url, folder, learnt = buckets.new(), node("a"), [f"learnt {n}".encode() for n in range(4)]
     ids = [f"sha256:{hashlib.sha256(each).hexdigest()}" for each in learnt]
-    paths = [folder.appearance(id) for id in ids]
+    paths = [folder.path / "appearances" / f"{id[7:]}.appearance" for id in ids]
     station = Station(store, Files(folder, url))
     for id, each in zip(ids[:3], learnt, strict=False):
         station.files.publish(draft(station.files, each), "appearance", id)
@@ -254,7 +254,7 @@ def test_in_the_data_folder_a_recording_is_written_where_it_stays(
     id, path = station.begin()
     before = path.stat()
     assert station.publishing.keep(id, path, None).recording == "kept"
-    assert path == folder.inspection(id)
+    assert str(path) == station.files.place("inspection", id)
     assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
 
 

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from inspector.files import NotWritten
 from inspector.service.folder import DataFolder, FolderInUse, FolderRefused, NoFileId, new_id
 
 
@@ -41,11 +40,9 @@ def test_a_service_that_was_killed_does_not_hold_the_folder(tmp_path: Path) -> N
 
 def test_what_was_being_received_is_gone_at_the_next_start_and_the_rest_stays(tmp_path: Path) -> None:
     folder = DataFolder(tmp_path)
-    draft, kept = folder.incoming(), folder.sweep(new_id())
-    draft.write_bytes(b"half")
-    whole = folder.incoming()
-    whole.write_bytes(b"whole")
-    folder.keep(whole, kept)
+    kept = tmp_path / "sweeps" / f"{new_id()}.mcap"
+    folder.incoming().write_bytes(b"half")
+    kept.write_bytes(b"whole")
     folder.close()
     again = DataFolder(tmp_path)
     assert list((tmp_path / "incoming").iterdir()) == []
@@ -65,22 +62,18 @@ def test_a_folder_that_is_gone_is_told(tmp_path: Path) -> None:
     (tmp_path / "incoming").rmdir()
     with pytest.raises(FolderRefused):
         folder.check_writable()
-    with pytest.raises(NotWritten):
-        folder.keep(folder.incoming(), folder.sweep(new_id()))
     folder.close()
 
 
 @given(st.text() | st.sampled_from(["..", "../x", "a/b", "sha256:" + "../" * 21 + "x", "A" * 32, "0" * 32 + "\n"]))
 def test_no_path_is_made_from_what_this_program_does_not_make(id: str) -> None:
-    folder = DataFolder.__new__(DataFolder)
-    folder.path = Path("data")
-    for path_of in (folder.sweep, folder.appearance, folder.inspection):
+    for checked in (DataFolder.checked, DataFolder.hash_of):
         with pytest.raises(NoFileId):
-            path_of(id)
+            checked(id)
 
 
 def test_sentences_for_strangers_do_not_tell_where_the_folder_is(tmp_path: Path) -> None:
     folder = DataFolder(tmp_path)
-    said = folder.hidden(f"{folder.sweep('0' * 32)} is gone from {tmp_path}")
-    assert said == f"sweeps{os.sep}{'0' * 32}.mcap is gone from the data folder"
+    said = folder.hidden(f"{tmp_path / 'sweeps' / 'a.mcap'} is gone from {tmp_path}")
+    assert said == f"sweeps{os.sep}a.mcap is gone from the data folder"
     folder.close()
