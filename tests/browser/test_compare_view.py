@@ -8,7 +8,7 @@ from typing import Any
 import httpx2
 import pytest
 
-from tests.api.stations import BAD, GOOD, PRODUCT, frames, material, sweep
+from tests.api.stations import BAD, GOOD, PRODUCT, frames, material, remove_scores, sweep
 from tests.browser.conftest import Seen, Station
 
 SLOW = f"{GOOD}&pause=12"
@@ -64,6 +64,16 @@ def test_the_difference_shows_what_only_one_has(seen: Seen, bad: dict[str, Any],
     seen.shot("compare-halves", full=True)
     page.click("text=Change sides")
     page.wait_for_url(f"**#/compare/{slow['inspection_id']}/{bad['inspection_id']}*")
+
+
+def test_a_sweep_whose_scores_are_not_kept_any_more_says_so(seen: Seen, station: Station, bad: dict[str, Any]) -> None:
+    old = station.inspect(GOOD, "old-2")
+    remove_scores(station.data, old["inspection_id"])
+    for sides, name in ((old, bad), "A"), ((bad, old), "B"):
+        page = seen.open("#/compare/" + "/".join(each["inspection_id"] for each in sides), wait=".warning")
+        said = f"The scores of the frames of {name} are not kept any more: there is nothing to match."
+        assert page.locator(".warning").all_inner_texts() == [f"{said} A replay of its recording has them."]
+    seen.shot("compare-no-scores")
 
 
 def test_another_sweep_is_chosen_from_the_product(seen: Seen, bad: dict[str, Any], slow: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ from inspector.cameras import open_camera
 from inspector.cameras.simulated.camera import SimulatedCamera
 from inspector.cameras.simulated.truth import FrameTruth
 from inspector.recording import SweepReader
-from tests.api.stations import BAD, GOOD, LINE, frames, remove_scores
+from tests.api.stations import BAD, GOOD, LINE, PRODUCT, frames, remove_scores
 from tests.browser.conftest import Seen, Station
 
 EARLY = f"{GOOD}&early=6"
@@ -308,6 +308,8 @@ def test_what_is_not_there_is_told(seen: Seen, station: Station) -> None:
 def test_scores_that_are_not_kept_any_more_are_told_and_the_profile_is_shown(seen: Seen, station: Station) -> None:
     old = station.inspect(BAD, "old-1")
     remove_scores(station.data, old["inspection_id"])
+    # Another part, so that not all of the last ones are without scores.
+    station.inspect(GOOD, "new-1")
     page = seen.open(address(old["inspection_id"]), wait=".panel.sweep .warning")
     said = page.locator(".panel.sweep").inner_text()
     assert "The scores of its frames are not kept any more (the setting keep_scores_days)" in said
@@ -323,6 +325,11 @@ def test_scores_that_are_not_kept_any_more_are_told_and_the_profile_is_shown(see
         assert fact in facts
     assert page.locator(".raw").is_hidden()
     seen.both("inspection-no-scores", full=True)
+    page = seen.open(f"#/recipe/{PRODUCT}?tab=policy", wait=".rejudged .warning")
+    left_out = "1 of the last parts is left out: the scores of their frames are not kept any more."
+    assert texts(seen, ".rejudged .warning") == [left_out]
+    assert page.locator(".rejudged .headline").is_visible()
+    page = seen.open(address(old["inspection_id"]), wait=".panel.sweep .warning")
     page.click(".actions >> text=Replay")
     page.wait_for_selector(".chip >> text=not from production")
     at_frame(seen, old["deviations"][0]["peak_index"])
