@@ -27,17 +27,14 @@ inspector.errors.StoreError
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Sequence
-from contextlib import AbstractContextManager
+from abc import abstractmethod
+from collections.abc import Sequence
 from types import TracebackType
 from typing import ClassVar, Self
 
 from inspector.errors import StoreError
 from inspector.stores.records import (
     AuditEntry,
-    Buried,
-    Checkpoint,
     Claim,
     Decision,
     Disposition,
@@ -48,7 +45,6 @@ from inspector.stores.records import (
     JobKind,
     JobState,
     Json,
-    Node,
     Page,
     Product,
     Recipe,
@@ -61,6 +57,7 @@ from inspector.stores.records import (
     Sweep,
     Token,
 )
+from inspector.stores.shared import AbstractCheckpoints, AbstractNodes, AbstractTelling
 
 
 class UnknownStore(StoreError):
@@ -216,7 +213,7 @@ class NotOwner(StoreConflict):
         super().__init__(f"inspection {inspection_id!r} is not of this service any more: {has}")
 
 
-class AbstractStore(ABC):
+class AbstractStore(AbstractNodes, AbstractCheckpoints, AbstractTelling):
     """Everything that the service remembers. A context manager: leaving it closes it.
 
     Every method is one transaction: done when it returns, not done at all when it raises; what was done survives a
@@ -409,31 +406,6 @@ class AbstractStore(ABC):
         Raises NoSuchInspection, AlreadyConcluded, and NotOwner unless `node` has it; None where no service has it.
         """
 
-    # Inspections that go from one service to another.
-
-    @abstractmethod
-    def take_inspection(self, inspection_id: str, node: str) -> tuple[StoredInspection, Checkpoint | None]:
-        """The service has it now, whoever had it before, and goes on from there; None: from the beginning.
-
-        What the one before writes after this fails. Raises NoSuchInspection, AlreadyConcluded.
-        """
-
-    @abstractmethod
-    def release_inspection(self, inspection_id: str, node: str, t_ns: int) -> StoredInspection:
-        """No service has it from now on. Raises NoSuchInspection, AlreadyConcluded, NotOwner."""
-
-    @abstractmethod
-    def save_checkpoint(self, inspection_id: str, node: str, number: int, state: bytes, added: bytes) -> None:
-        """`state` instead of the one before; `added` as part `number`, counted from 0, beside those before.
-
-        The same number once more, as after a failure that left it open whether it was done, replaces that part.
-        Raises NoSuchInspection, AlreadyConcluded, NotOwner.
-        """
-
-    @abstractmethod
-    def ownerless(self) -> tuple[StoredInspection, ...]:
-        """Those in processing that no service has, the oldest first."""
-
     @abstractmethod
     def acknowledge_inspection(self, inspection_id: str, t_ns: int) -> StoredInspection:
         """The first time counts, and further ones do nothing. Raises NoSuchInspection, NotEnded."""
@@ -555,47 +527,6 @@ class AbstractStore(ABC):
     @abstractmethod
     def forget_claims(self, before_ns: int) -> int:
         """How many settled claims, made before that time, were forgotten."""
-
-    # Services that share the store.
-
-    @abstractmethod
-    def join(self, node_id: str, name: str, t_ns: int) -> None:
-        """A service works on the store from now on. One that was taken for gone may join again."""
-
-    @abstractmethod
-    def beat(self, node_id: str, facts: Json | None = None) -> None:
-        """It lives, and says this of itself; None: what it said before. Raises NoSuchNode: it was taken for gone."""
-
-    @abstractmethod
-    def leave(self, node_id: str, why: str) -> Buried:
-        """It works on it no more; what it had, or nobody had, is free as with `bury`. A second call does no harm."""
-
-    @abstractmethod
-    def nodes(self) -> tuple[Node, ...]:
-        """Those that joined and neither left nor were buried; the oldest first."""
-
-    @abstractmethod
-    def bury(self, silent_seconds: float, why: str) -> Buried:
-        """Services that were silent for longer are gone, and nobody does any more what they did, or what nobody did.
-
-        Their jobs fail and say why, their claims are released, their inspections are of no service. Of many that call
-        at once, each is told only what it has buried itself.
-        """
-
-    @abstractmethod
-    def tell(self, body: bytes, to: Collection[str] | None = None) -> None:
-        """To all services that listen, this one too, or to those named; kept for nobody. On a shared store only."""
-
-    @abstractmethod
-    def listen(self, node_id: str, heard: Callable[[bytes | None], object]) -> AbstractContextManager[None]:
-        """Hear what is told to all and to this one, in a thread, until the context is left.
-
-        None: something may have been missed, since the database was away. On a store that is not shared, nothing.
-        """
-
-    @abstractmethod
-    def only_one(self, name: str) -> AbstractContextManager[bool]:
-        """False where somebody is in a context of that name already, in whatever service."""
 
     # The store itself.
 
