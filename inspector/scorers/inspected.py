@@ -87,11 +87,6 @@ class Inspected:
         if going is not None:
             self._go_on(going)
 
-    @property
-    def count(self) -> int:
-        """Frames scored so far."""
-        return self._state.count
-
     def save(self) -> Saved:
         """To go on elsewhere: the state, and what came since it was saved before."""
         kept, frames = self._state.beginning.kept, self._state.frames

@@ -3,14 +3,14 @@
 | to the scorer | | answered by |
 | --- | --- | --- |
 | `load` | `appearance_id`, `path`: have it ready | nothing, or `failed` |
-| `begin` | `id`, `appearance_id`, `path`, `policy`, `names`, `record_to` | `begun`: `sequence`, `frames`; or `failed` |
+| `begin` | `id`, `appearance_id`, `path`, `policy`, `names`, `record_to` | `begun`, or `failed` |
 | | to go on: `resume`, the sizes of the last state and of all that was added; they follow | |
 | `frame` | `id`, `sequence`, `t_ns`, `encoder`; the picture | `frame`: `sequence`, `kinds`, `took`, `brief`; lines |
 | | | and once, where another part lies there, `doubted`: `sizes`; that many pictures of its beginning |
 | `drop` | `id`, `count`, `t_ns`: recorded as lost | nothing |
 | `conclude` | `id`, `stopped`, `announced` | `concluded`: `result`, `recording`, `doubted`, `json`; frames, scores |
 | `abort` | `id`, `reason`, `announced` | the same |
-| `checkpoint` | `id` | `checkpoint`: `sequence`, `frames`, `sizes`; state, what was added since the last one |
+| `checkpoint` | `id` | `checkpoint`: `sequence`, `size` of the state; state, what was added since the last one |
 | `release` | `id`: goes on elsewhere, no verdict | `released`: `recording` |
 | `locate` | `id`, `sequence`, `workspace_id`, `path`; the picture | `located`: `sequence`, `took`, `refused`; JSON |
 | `track` | the same, `t_ns`, `hand`; what is tracked under that `id` goes on | the same |
@@ -18,7 +18,7 @@
 | `forget` | `id`: is not tracked any more | nothing |
 
 A checkpoint stands for all that came before it in the line, and is answered when its pictures are on the disk; it
-holds up nobody. `sequence` is that of the last frame handled, null before the first, and `frames` counts those scored.
+holds up nobody. Its `sequence` is that of the last frame handled, null before the first.
 What cannot be done is answered by `failed`: `id`, `do`, `sequence`, `why`.
 """
 

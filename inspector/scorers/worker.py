@@ -98,7 +98,7 @@ class Worker:
         tape = Tape(self._tapes, Path(head["record_to"]), facts)
         inspected = Inspected(appearance, policy, names, tape, max_pixels=self._max_pixels, going=going)
         self._inspected[head["id"]] = inspected
-        self._say({"did": "begun", "id": head["id"], "sequence": inspected.sequence, "frames": inspected.count})
+        self._say({"did": "begun", "id": head["id"]})
 
     def _frame(self, head: Head, body: bytes) -> None:
         inspected = self._inspected[head["id"]]
@@ -122,8 +122,7 @@ class Worker:
     def _checkpoint(self, head: Head, _: bytes) -> None:
         inspected = self._inspected[head["id"]]
         saved = inspected.save()
-        answer = {"did": "checkpoint", "id": head["id"], "sequence": inspected.sequence, "frames": inspected.count}
-        answer["sizes"] = [len(saved.state), len(saved.added)]
+        answer = {"did": "checkpoint", "id": head["id"], "sequence": inspected.sequence, "size": len(saved.state)}
         # no scores are saved whose pictures are not
         inspected.tape.flush(lambda: self._say(answer, saved.state + saved.added))
 

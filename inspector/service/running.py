@@ -318,7 +318,7 @@ class Running:
         elif head["did"] == "begun":
             _settle(self.begun, None)
         elif head["did"] == "checkpoint":
-            size = head["sizes"][0]
+            size = head["size"]
             cut = self.ledger.cut(head["sequence"], self._first, self.keys, body[:size], body[size:])
             if self._cut is not None:
                 _settle(self._cut, cut)
