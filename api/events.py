@@ -46,7 +46,7 @@ async def events(
 
 async def _told(service: Service, last_id: str | None, pictures: str | None) -> AsyncGenerator[bytes]:
     with service.events.listening(pictures):
-        station = json.dumps(service.inspections.station)
+        station = json.dumps(service.inspections.station.facts)
         here = service.events.last_id if last_id is None else None
         yield format_sse_event(retry=1000, event="station", data_str=station, id=here)
         async for batch in service.events.since(here or last_id, pictures):

@@ -76,7 +76,7 @@ class Guard:
                 await problem(413, "Body too large", error.detail, headers=error.headers)(scope, receive, marked)
             else:
                 if reads:
-                    await self._service.inspections.make_way()
+                    await self._service.inspections.station.make_way()
                 await self._app(scope, counted, marked)
         finally:
             route = getattr(scope.get("route"), "path", "none")

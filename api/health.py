@@ -28,6 +28,6 @@ async def ready(service: ServiceDep) -> Response:
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
 async def metrics(service: ServiceDep) -> Response:
     """For Prometheus."""
-    service.inspections.observe()
+    service.inspections.station.observe()
     service.metrics.services.set(len(service.peers.nodes))
     return Response(service.metrics.exposition(), media_type=service.metrics.content_type)

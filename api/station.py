@@ -53,8 +53,8 @@ async def station(service: ServiceDep, who: Viewer) -> Response:
     """State, frames and latency since the start, the same figures as in /metrics; and who else is there."""
     frames = service.metrics.frames_by_outcome()
     told = Station(
-        state=service.inspections.state,
-        running=len(service.inspections.running),
+        state=service.inspections.station.state,
+        running=len(service.inspections.roster),
         capacity=service.settings.max_inspections,
         frames={outcome: frames.get(outcome, 0) for outcome in ("scored", "dropped", "refused")},
         latency=Latency(p50=service.metrics.latency(0.5), p99=service.metrics.latency(0.99)),

@@ -76,7 +76,7 @@ class _Connection(AbstractConnection):
                 await self._socket.close(RESTART, "it goes on in another process")
                 return
             if running.phase == "ended" and at >= len(running.messages):
-                await self._socket.close(RESTART if self._service.inspections.stopping else DONE)
+                await self._socket.close(RESTART if self._service.inspections.station.stopping else DONE)
                 return
             if running.connections != self._number:
                 await self._socket.close(TAKEN_OVER, "another connection has taken over")

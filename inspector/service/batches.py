@@ -18,6 +18,7 @@ from inspector.errors import WorldError
 from inspector.locations import shown_place
 from inspector.service.desk import Desk
 from inspector.service.files import Files
+from inspector.service.recipes import recipe_of
 from inspector.service.recognising import Recognising
 from inspector.service.replays import Replay, Replays
 from inspector.stores.base import AbstractStore, IdTaken, NoSuchInspection, NoSuchRecipe, NoSuchSweep
@@ -91,7 +92,7 @@ class Batches:
 
         The recipe is the active one where none is named. Raises NoSuch, NoRecipe, NothingChosen.
         """
-        recipe = self._replays.recipe_of(product_id, recipe_id)
+        recipe = recipe_of(self._store, product_id, recipe_id)
         if recipe.product_id != product_id:
             raise NoSuchRecipe(recipe.recipe_id)
         if ids is not None:

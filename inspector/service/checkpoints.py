@@ -14,6 +14,9 @@ from dataclasses import asdict, dataclass, field, replace
 
 import zstandard
 
+from inspector.scorers.wire import Head
+from inspector.stores.records import Checkpoint
+
 _SIZE = struct.Struct("<I")
 
 
@@ -44,6 +47,21 @@ class Cut:
     """Messages since the cut before, but for answers to frames that come after this one."""
 
 
+@dataclass(frozen=True)
+class Restored:
+    """What another process goes on with."""
+
+    kept: Kept
+    lines: list[bytes]
+    """All messages."""
+    chunks: int
+    """That are in the store."""
+    resume: Head
+    """What the scorer's `begin` takes more in its head."""
+    body: bytes
+    """Its body."""
+
+
 class Ledger:
     """What is saved of a running inspection, and what is not yet."""
 
@@ -71,9 +89,9 @@ class Ledger:
         """A message more."""
         self._lines.append((sequence, line))
 
-    def restore(self, kept: Kept) -> None:
+    def restore(self, restored: Restored) -> None:
         """All so far is saved."""
-        self.kept, self.below = kept, kept.next
+        self.kept, self.below, self.chunks = restored.kept, restored.kept.next, restored.chunks
         self._lines.clear()
 
     def cut(self, last: int | None, first: int | None, keys: Mapping[str, int], state: bytes, frames: bytes) -> Cut:
@@ -120,6 +138,18 @@ def read_chunks(chunks: Iterable[bytes]) -> tuple[list[bytes], list[bytes]]:
             frames.append(part)
             messages += lines.split(b"\n") if lines else []
     return frames, messages
+
+
+def restored(checkpoint: Checkpoint | None, takes: int) -> Restored:
+    """What the process that has taken it over, as the so-manieth, goes on with; None: from the beginning."""
+    if checkpoint is None:
+        return Restored(replace(Kept(), starts=((takes, 0),)), [], 0, {}, b"")
+    # one that a crash of the database has lost is empty, and the scorer says so
+    kept, scorer = read_state(checkpoint.state) if checkpoint.state else (Kept(), b"")
+    frames, lines = read_chunks(checkpoint.added)
+    kept = replace(kept, starts=(*kept.starts, (takes, kept.next)))
+    resume: Head = {"resume": [len(scorer), *map(len, frames)]}
+    return Restored(kept, lines, len(checkpoint.added), resume, scorer + b"".join(frames))
 
 
 def _split(data: bytes) -> tuple[bytes, bytes]:

@@ -12,10 +12,9 @@ import structlog
 
 from inspector.errors import WorldError
 from inspector.recording import join_parts
-from inspector.service.checkpoints import Kept
+from inspector.service.checkpoints import Kept, restored
 from inspector.service.files import Files
 from inspector.service.folder import remove
-from inspector.service.moving import restored
 from inspector.service.publishing import Publishing
 from inspector.service.running import Ended
 from inspector.stores.base import AbstractStore, StoreConflict
@@ -92,7 +91,7 @@ class Endings:
         except StoreConflict:
             # Somebody goes on with it just now.
             return []
-        self.join(stored, restored(taken, checkpoint)[0], why)
+        self.join(stored, restored(checkpoint, taken.takes).kept, why)
         return [stored]
 
     def _end(self, inspection_id: str, state: Any, **more: Any) -> StoredInspection:

@@ -9,11 +9,9 @@ from contextlib import suppress
 from inspector.objects import ObjectError
 from inspector.service.desk import Desk
 from inspector.service.files import Files
+from inspector.service.recipes import active_recipes
 from inspector.stores.base import AbstractStore
 from inspector.stores.records import Json
-
-_MOST = 200
-"""Products that are asked about: the newest."""
 
 
 class Recognising:
@@ -28,12 +26,11 @@ class Recognising:
         Those of this computer; or, for whoever is `far`, those that every service has.
         """
         found: dict[str, str] = {}
-        for product in self._store.products(limit=_MOST).items:
-            recipe = self._store.active_recipe(product.product_id)
-            if recipe is not None and product.product_id != product_id and recipe.appearance_id != appearance_id:
+        for recipe in active_recipes(self._store):
+            if recipe.product_id != product_id and recipe.appearance_id != appearance_id:
                 # One that cannot be had names no part, and that is all.
                 with suppress(ObjectError):
-                    found[product.product_id] = self._file(recipe.appearance_id, far)
+                    found[recipe.product_id] = self._file(recipe.appearance_id, far)
         return found
 
     def _file(self, appearance_id: str, far: bool) -> str:

@@ -15,9 +15,10 @@ from dataclasses import asdict, dataclass, replace
 from inspector.errors import WorldError
 from inspector.locations import shown_place
 from inspector.service.desk import Desk, naming
-from inspector.service.errors import NoRecipe, RecordingGone, ScoresGone
+from inspector.service.errors import RecordingGone, ScoresGone
 from inspector.service.files import Files
 from inspector.service.folder import new_id
+from inspector.service.recipes import recipe_of
 from inspector.service.recognising import Recognising
 from inspector.service.scored import kept_scores
 from inspector.stores.base import AbstractStore
@@ -93,17 +94,10 @@ class Replays:
             sweep = self._store.sweep(sweep_id or "")
             thing, part_id, product_id = f"sweep {sweep.sweep_id}", sweep.part_id, sweep.product_id
             place = self._files.place("sweep", sweep.sweep_id)
-        recipe = self.recipe_of(product_id, recipe_id)
+        recipe = recipe_of(self._store, product_id, recipe_id)
         if policy is not None:
             recipe = replace(recipe, policy=asdict(policy))
         return Replay(place, thing, part_id, recipe)
-
-    def recipe_of(self, product_id: str, recipe_id: str | None) -> Recipe:
-        """The recipe of that id, or the product's active one. Raises NoSuch, NoRecipe."""
-        recipe = self._store.recipe(recipe_id) if recipe_id else self._store.active_recipe(product_id)
-        if recipe is None:
-            raise NoRecipe(product_id)
-        return recipe
 
     def _recording(self, stored: StoredInspection) -> str:
         if stored.recording == "kept" and self._files.size("inspection", stored.inspection_id) is not None:

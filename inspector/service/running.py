@@ -6,10 +6,11 @@ import asyncio
 import json
 import time
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
+from pathlib import Path
 from typing import Any, Literal
 from uuid import uuid4
 
@@ -17,12 +18,16 @@ from inspector.picture_headers import kind_of
 from inspector.protocol import ANSWERS, SentFrame
 from inspector.scorers.pool import Scorer
 from inspector.scorers.wire import Head
-from inspector.service.checkpoints import Cut, Kept, Ledger
+from inspector.service.checkpoints import Cut, Ledger, Restored
 from inspector.service.errors import Busy, Moved, NotOpen, OutOfOrder, ResumeFrom, ScorerLost, TooManyFrames
 from inspector.service.events import Events
+from inspector.service.folder import new_id
 from inspector.service.load import Load, Ration
 from inspector.service.metrics import Metrics
+from inspector.stores.records import StoredInspection
 
+FACTS = "inspection_id", "product_id", "part_id", "recipe_id", "appearance_id"
+"""What names an inspection to whoever is told of it."""
 _NEWS = frozenset({"deviation_opened", "deviation_closed", "early_ng", "early_invalid", "part_found"})
 """Kinds of messages that dashboards are told at once."""
 Phase = Literal["open", "ending", "unsaved", "ended", "moved"]
@@ -103,11 +108,13 @@ class Running:
 
     impossible = False
     """Whether no other scorer would do: what it needs cannot be read."""
+    reason: str | None = None
+    """Why it is aborted, where it is."""
 
-    def __init__(self, facts: Mapping[str, str], scorer: Scorer, around: Around) -> None:
-        self.facts = dict(facts)
-        """`inspection_id`, `product_id`, `part_id`, `recipe_id`, `appearance_id`."""
-        self.inspection_id, self.product_id = facts["inspection_id"], facts["product_id"]
+    def __init__(self, row: StoredInspection, scorer: Scorer, around: Around) -> None:
+        """`row` is what the store has of it, as it begins or is taken over."""
+        self.row, self.scorer, self._around = row, scorer, around
+        self.inspection_id, self.product_id = row.inspection_id, row.product_id
         self.phase: Phase = "open"
         self.messages: list[bytes] = []
         self.log_id = uuid4().hex[:8]
@@ -120,7 +127,8 @@ class Running:
         """Why it has no scorer any more."""
         self.begun: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.ended: asyncio.Future[Ended] = asyncio.get_running_loop().create_future()
-        self.stored: Ended | None = None
+        self.made: Ended | None = None
+        """What the scorer made of it; there while it is not stored yet."""
         self.doubted: Callable[[Sequence[bytes]], object] = lambda pictures: None
         """Told pictures of the beginning, where another part lies there."""
         self.recognised: asyncio.Future[Head | None] | None = None
@@ -135,7 +143,6 @@ class Running:
         self._released: asyncio.Future[Head] | None = None
         self.connections = 0
         """Counts the streams that were opened; the last one is the one that counts."""
-        self.scorer, self._around = scorer, around
         self._first: int | None = None
         self.keys: dict[str, int] = {}
         """The sequence that an Idempotency-Key was used for."""
@@ -155,6 +162,11 @@ class Running:
         self._briefs: list[object] = []
         self._dropped = 0
 
+    @cached_property
+    def facts(self) -> dict[str, str]:
+        """What names it to whoever is told of it."""
+        return {name: getattr(self.row, name) for name in FACTS}
+
     @property
     def waiting(self) -> int:
         """Frames that were accepted and have no answer yet."""
@@ -165,15 +177,27 @@ class Running:
         """Frames that came or were announced, were not scored, and do not wait for it."""
         return 0 if self._first is None else self.next_sequence - self._first - self.scored - self.waiting
 
-    def begin(self, head: Head, body: bytes = b"") -> None:
-        """Ask the scorer to make it ready; `begun` says when it is."""
-        self.scorer.ask(self, head, body)
+    def begin(self, appearance: Path, record_to: Path, restored: Restored | None = None) -> None:
+        """Ask the scorer to make it ready, from the beginning or to go on; `begun` says when it is."""
+        if restored is not None:
+            self._restore(restored)
+        names = {name: value for name, value in self.facts.items() if name != "appearance_id"}
+        head: Head = {
+            "do": "begin",
+            "id": self.inspection_id,
+            "appearance_id": self.row.appearance_id,
+            "path": str(appearance),
+            "policy": self.row.policy,
+            "names": names | {"result_id": new_id()},
+            "record_to": str(record_to),
+        }
+        self.scorer.ask(self, head | restored.resume if restored else head, restored.body if restored else b"")
 
-    def restore(self, kept: Kept, lines: Iterable[bytes]) -> None:
-        """Before the first frame here: what the process knew that had it before."""
-        self.resumed = True
+    def _restore(self, restored: Restored) -> None:
+        """What the process knew that had it before."""
+        self.resumed, kept = True, restored.kept
         self._first, self.next_sequence, self.keys = kept.first, kept.next, dict(kept.keys)
-        for line in lines:
+        for line in restored.lines:
             said = json.loads(line)
             if said["kind"] in ANSWERS:
                 self._said[said["sequence"]] = len(self.messages)
@@ -184,7 +208,7 @@ class Running:
                 self.recognised = asyncio.get_running_loop().create_future()
                 self.recognised.set_result({name: value for name, value in said.items() if name != "kind"})
             self._log(line)
-        self.ledger.restore(kept)
+        self.ledger.restore(restored)
 
     def cut(self) -> asyncio.Future[Cut]:
         """What is to be saved, when all frames that came so far are answered. Raises Moved, also as its result."""
@@ -266,7 +290,7 @@ class Running:
         """No more frames; what waits is scored, then `ended` has the result. Raises ScorerLost."""
         if self.lost_because is not None:
             raise ScorerLost(self.inspection_id, self.lost_because)
-        self.phase = "ending"
+        self.phase, self.reason = "ending", reason
         announced = 0 if self._first is None else self.next_sequence - self._first
         head: Head = {"id": self.inspection_id, "announced": announced}
         ask = {"do": "conclude", "stopped": stopped} if reason is None else {"do": "abort", "reason": reason}

@@ -95,13 +95,21 @@ class Service:
         self.started = True
 
     async def _furnish(self) -> None:
-        settings, store, files = self.settings, self.store, self.files
         await asyncio.to_thread(self._recover)
         self.events.start()
         await self.peers.start()
-        if len(self.peers.nodes) > 1 and not files.common:
+        if len(self.peers.nodes) > 1 and not self.files.common:
             log.warning("files", error="other services do not have what is kept in this data folder; set `files`")
-        self.access = Access(store, settings.asks_for_tokens, self.now_ns)
+        self.access = Access(self.store, self.settings.asks_for_tokens, self.now_ns)
+        self._furnish_line(self._furnish_office())
+        await asyncio.to_thread(self.publishing.start)
+        await self.inspections.start()
+        await self.locating.start()
+        self._housekeeper = asyncio.create_task(self._keep_house())
+
+    def _furnish_office(self) -> Recognising:
+        """What people ask for, each at a desk; and what the line asks of one."""
+        store, files, settings, now_ns = self.store, self.files, self.settings, self.now_ns
         learners = max(1, CORES // 2)
         # Apart: what somebody waits for does not wait for what takes minutes.
         learning, recording, looking, showing, naming, many = self._desks = (
@@ -109,13 +117,7 @@ class Service:
         )  # fmt: skip
         recognising = Recognising(store, files, naming)
         self.jobs = Jobs(
-            store,
-            files,
-            self.events,
-            self.metrics,
-            learners=learners,
-            node_id=self.peers.node_id,
-            now_ns=self.now_ns,
+            store, files, self.events, self.metrics, learners=learners, node_id=self.peers.node_id, now_ns=now_ns
         )
         self.sweeps = Sweeps(
             store,
@@ -125,15 +127,29 @@ class Service:
             cameras=settings.cameras,
             max_frames=settings.max_frames,
             max_pixels=settings.max_pixels,
-            now_ns=self.now_ns,
+            now_ns=now_ns,
         )
-        self.learning = Learning(store, files, learning, self.now_ns, executor=settings.executor)
-        self.replays = Replays(store, files, looking, recognising, self.now_ns)
+        self.learning = Learning(store, files, learning, now_ns, executor=settings.executor)
+        self.replays = Replays(store, files, looking, recognising, now_ns)
         self.batches = Batches(
-            store, files, self.replays, recognising, desk=many, executor=settings.executor, now_ns=self.now_ns
+            store, files, self.replays, recognising, desk=many, executor=settings.executor, now_ns=now_ns
         )
         self.pictures = Pictures(store, files, showing)
         self.trends = Trends(store, looking)
+        self.workspaces = Workspaces(
+            store,
+            files,
+            looking=looking,
+            learning=learning,
+            max_bytes=settings.max_recording,
+            max_pixels=settings.max_pixels,
+            now_ns=now_ns,
+        )
+        return recognising
+
+    def _furnish_line(self, recognising: Recognising) -> None:
+        """What parts are inspected and located with, and what brings their recordings away."""
+        store, files, settings = self.store, self.files, self.settings
         self.publishing = Publishing(store, files, self.metrics)
         self.mending = Mending(store, files, self.publishing)
         self.inspections = Inspections(
@@ -152,21 +168,8 @@ class Service:
             hand_over=partial(self.peers.ask, kind=HAND_OVER),
         )
         self.peers.on(HAND_OVER, lambda asked: self.inspections.give_soon(asked["inspection_id"]))
-        self.workspaces = Workspaces(
-            store,
-            files,
-            looking=looking,
-            learning=learning,
-            max_bytes=settings.max_recording,
-            max_pixels=settings.max_pixels,
-            now_ns=self.now_ns,
-        )
         self.locating = Locating(store, files, self.inspections.pool, most=settings.max_inspections)
-        self.inspections.beside = self.locating.loads
-        await asyncio.to_thread(self.publishing.start)
-        await self.inspections.start()
-        await self.locating.start()
-        self._housekeeper = asyncio.create_task(self._keep_house())
+        self.inspections.station.beside = self.locating.loads
 
     def _open_files(self) -> Files:
         """In a thread: what cannot be had now is told before anything is inspected."""
@@ -226,7 +229,7 @@ class Service:
 
     def _facts(self) -> Json:
         """What other services are told of this one."""
-        return self.inspections.station if self.started else {}
+        return self.inspections.station.facts if self.started else {}
 
     def _troubles(self) -> list[str]:
         said: list[str] = []

@@ -1,0 +1,27 @@
+"""Which recipe is meant, and which are active: asked of the store. Everything here blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from inspector.service.errors import NoRecipe
+from inspector.stores.base import AbstractStore
+from inspector.stores.records import Recipe
+
+_MOST = 200
+"""Products that are asked about: the newest."""
+
+
+def recipe_of(store: AbstractStore, product_id: str, recipe_id: str | None) -> Recipe:
+    """The recipe of that id, or the product's active one. Raises NoSuchProduct, NoSuchRecipe, NoRecipe."""
+    recipe = store.active_recipe(product_id) if recipe_id is None else store.recipe(recipe_id)
+    if recipe is None:
+        raise NoRecipe(product_id)
+    return recipe
+
+
+def active_recipes(store: AbstractStore) -> Iterator[Recipe]:
+    """One of each product that has one, the newest product first."""
+    for product in store.products(limit=_MOST).items:
+        if (recipe := store.active_recipe(product.product_id)) is not None:
+            yield recipe
