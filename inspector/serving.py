@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import os
 import signal
 import socket
 import ssl
@@ -32,6 +33,7 @@ GRACE_SECONDS = 20
 """How long the end may take: of the service, and then of the connections, a quarter of it."""
 BACKLOG = 256
 _SWITCH_SECONDS = 0.0005
+_log = structlog.get_logger("inspector")
 
 
 class AddressRefused(WorldError):
@@ -96,6 +98,11 @@ class _Server(uvicorn.Server):
         while not (stopping.done() or self.force_exit or time.monotonic() > until):
             await asyncio.wait({stopping}, timeout=0.1)
         await super().shutdown(sockets)
+        if not stopping.done():
+            # Threads that wait, as for a database that does not answer, would be waited for without end. Scorers close
+            # their recordings when this process is gone, and other services take what it had.
+            _log.error("not stopped in time", seconds=round(time.monotonic() - until + GRACE_SECONDS, 1))
+            os._exit(1)
 
     @contextmanager
     def capture_signals(self) -> Generator[None]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pwd
 import shutil
+import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -52,6 +53,20 @@ class Server:
     def kill(self) -> None:
         """At once: who is connected is told nothing, and tables that are not logged are empty afterwards."""
         _run(self.folder, *self._control(), "--mode=immediate", "stop")
+
+    @contextmanager
+    def asleep(self) -> Iterator[None]:
+        """It holds its connections and answers nothing, as on a machine that swaps."""
+        first = int((self.folder / "data" / "postmaster.pid").read_text().split()[0])
+        os.kill(first, signal.SIGSTOP)
+        others = Path(f"/proc/{first}/task/{first}/children").read_text().split()
+        try:
+            for each in map(int, others):
+                os.kill(each, signal.SIGSTOP)
+            yield
+        finally:
+            for each in (*map(int, others), first):
+                os.kill(each, signal.SIGCONT)
 
     def _control(self) -> list[str | Path]:
         return [binaries() / "pg_ctl", f"--pgdata={self.folder}/data", "--wait"]

@@ -102,10 +102,10 @@ def teach(service: Any, policy: Policy = Policy()) -> str:  # noqa: B008 (a froz
     return recipe_id
 
 
-def taught(data: Path) -> Path:
-    """The folder of a service that does not run yet, in which the product is learnt."""
+def taught(data: Path, database: str | None = None) -> Path:
+    """The folder of a service that does not run yet, in which the product is learnt; its database, where named."""
     folder = DataFolder(data)
-    store = open_store(f"sqlite:{folder.path / 'service.sqlite'}")
+    store = open_store(database or f"sqlite:{folder.path / 'service.sqlite'}")
     teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
     store.close()
     folder.close()

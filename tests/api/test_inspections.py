@@ -35,6 +35,7 @@ from tests.api.stations import (
     taught,
     teach,
 )
+from tests.contracts.stores import behind
 
 HERE = "http://127.0.0.1"
 
@@ -414,6 +415,21 @@ def test_when_the_scorer_dies_the_inspection_says_so_and_the_next_one_runs(clien
     while client.get("/readyz").status_code != 200:
         assert time.monotonic() < deadline
     feed(client, begin(client), frames()[:2])
+
+
+def test_what_could_not_be_stored_is_tried_again_and_told_as_it_was(client: TestClient, service: Service):
+    inspection = begin(client)
+    feed(client, inspection)
+    full = "BEFORE UPDATE OF state ON inspections BEGIN SELECT RAISE(ABORT, 'the disk is full'); END"
+    behind(service.store, f"CREATE TRIGGER full {full}")
+    try:
+        assert "the disk is full" in client.post(f"/v1/inspections/{inspection}/conclude").json()["detail"]
+    finally:
+        behind(service.store, "DROP TRIGGER full")
+    deadline = time.monotonic() + 60
+    while (told := client.get(f"/v1/inspections/{inspection}").json())["state"] == "processing":
+        assert time.monotonic() < deadline
+    assert (told["state"], told["verdict"], told["reason"]) == ("completed", "NG", None)
 
 
 def test_frames_do_not_wait_for_who_reads(client: TestClient, service: Service, monkeypatch: pytest.MonkeyPatch):

@@ -15,6 +15,7 @@ from pathlib import Path
 import httpx2
 
 PATIENCE = 60.0
+PROGRAM = "from inspector.cli import main; main()"
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,12 @@ def free_port() -> int:
 
 
 @contextmanager
-def serve(data: Path, *options: str, port: int | None = None, **settings: str) -> Generator[Served]:
+def serve(
+    data: Path, *options: str, port: int | None = None, program: str = PROGRAM, **settings: str
+) -> Generator[Served]:
     """The service on that folder, ready; ended in the end, in whatever state it is. Leads a process group."""
     port, log = port or free_port(), data.with_name(f"{data.name}.log")
-    command = [sys.executable, "-c", "from inspector.cli import main; main()", "serve", "--data", str(data)]
+    command = [sys.executable, "-c", program, "serve", "--data", str(data)]
     environment = os.environ | {f"INSPECTOR_{name.upper()}": value for name, value in settings.items()}
     with log.open("ab") as out:
         process = subprocess.Popen(

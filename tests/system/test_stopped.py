@@ -13,7 +13,8 @@ from websockets.sync.client import connect
 
 from inspector.recording import SweepReader
 from tests.api.stations import PRODUCT, frames, sent, taught
-from tests.system.serving import serve
+from tests.postgresql import server
+from tests.system.serving import PROGRAM, serve
 
 
 @pytest.fixture
@@ -50,3 +51,30 @@ def test_what_is_in_flight_is_scored_files_are_closed_and_the_rest_is_aborted_an
     with serve(data) as served:
         known = httpx2.get(f"{served.url}/v1/inspections/{inspection}/result").json()
     assert known == result
+
+
+def test_a_database_that_does_not_answer_does_not_hold_up_the_end(tmp_path: Path):
+    """Its recording is closed all the same, and others take the inspection when the database is back."""
+    impatient = f"from inspector import serving; serving.GRACE_SECONDS = 2; {PROGRAM}"
+    with server() as postgresql:
+        database = postgresql.new_database()
+        data, told = taught(tmp_path / "data", database), list[dict[str, Any]]()
+        with serve(data, program=impatient, database=database) as served:
+            asked = {"product_id": PRODUCT, "part_id": "half"}
+            inspection = httpx2.post(f"{served.url}/v1/inspections", json=asked).json()["inspection_id"]
+            with connect(f"{served.url.replace('http', 'ws')}/v1/inspections/{inspection}/stream") as stream:
+                for frame in frames()[:20]:
+                    stream.send(sent(frame))
+                while {"kind": "saved", "next_sequence": 20} not in told:
+                    told.append(json.loads(stream.recv()))
+                with postgresql.asleep():
+                    served.process.terminate()
+                    with pytest.raises(ConnectionClosed):
+                        told += map(json.loads, iter(stream.recv, None))
+                    assert served.process.wait(60) == 1
+        assert "not stopped in time" in served.log.read_text()
+        recording = SweepReader(data / "inspections" / f"{inspection}.mcap")
+        assert [frame.sequence for frame in recording] == [frame.sequence for frame in frames()[:20]]
+        assert recording.losses == ()
+        with serve(data, database=database) as served:
+            assert httpx2.post(f"{served.url}/v1/inspections/{inspection}/conclude").json()["frames_scored"] == 20
