@@ -7,7 +7,8 @@ says that there is one; its own commands and files name `api.cluster:app`. Repli
 finished files. Each has a folder of its own below `data`, and takes the one that a dead one left.
 
 inspector.errors.WorldError
-└── RayMissing               Ray is not installed
+├── RayMissing               Ray is not installed
+└── NotServed                Ray Serve does not start what it should
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from inspector.service.folder import FolderInUse
 from inspector.service.service import Service
 from inspector.serving import keep_logs
 from inspector.settings import SettingRefused, Settings, read_settings
+from inspector.stores import open_store
 
 ROUTER = "ray.serve.experimental.consistent_hash_router:ConsistentHashRouter"
 """By the header X-Session-Id, which is the id of the inspection."""
@@ -48,6 +50,13 @@ class RayMissing(WorldError):
 
     def __init__(self, why: str) -> None:
         super().__init__(f"Ray Serve is not installed here ({why}): pip install 'sweep-inspector[cluster]'")
+
+
+class NotServed(WorldError):
+    """Ray Serve does not start what it should."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(f"Ray Serve does not start the service: {why}; what its processes said is above")
 
 
 class Replica:
@@ -111,7 +120,10 @@ def _count(text: str) -> int:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Serve at INSPECTOR_HOST and INSPECTOR_PORT, on every machine of the cluster, until this is interrupted."""
+    """Serve at INSPECTOR_HOST and INSPECTOR_PORT, on every machine of the cluster, until this is interrupted.
+
+    Raises RayMissing, SettingRefused, StoreNotOpened, ExecutorRefused, NotServed.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m api.cluster", description="Several services behind one address, by Ray Serve."
     )
@@ -120,12 +132,14 @@ def main(arguments: Sequence[str]) -> None:
     settings = read_settings()
     served = application(settings, replicas)
     ray, serve = _ray("ray"), _ray("ray.serve")
+    if settings.database_url.startswith("postgresql"):
+        # What is wrong with it is said here once, instead of by each replica in the words of Ray.
+        open_store(settings.database_url).close()
     if address := os.environ.get("RAY_ADDRESS"):
         join_ray(address, address)
     else:
         cores = replicas * settings.scorers
         ray.init("local", num_cpus=cores, object_store_memory=_OBJECTS, include_dashboard=False)
-    serve.start(proxy_location="EveryNode", http_options={"host": settings.host, "port": settings.port})
     asked_to_end = threading.Event()
 
     def end(number: int, frame: object) -> None:
@@ -133,7 +147,11 @@ def main(arguments: Sequence[str]) -> None:
 
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, end)
-    serve.run(served)
+    try:
+        serve.start(proxy_location="EveryNode", http_options={"host": settings.host, "port": settings.port})
+        serve.run(served)
+    except RuntimeError as error:
+        raise NotServed(str(error).strip().splitlines()[-1]) from error
     print(f"inspector serves at http://{settings.host}:{settings.port}", flush=True)
     asked_to_end.wait()
     serve.shutdown()

@@ -43,8 +43,8 @@ _AHEAD = 4
 """Pieces of work handed out for each worker."""
 _PATIENCE = 10
 """Seconds that a cluster may take to answer."""
-_RAY = {"RAY_NUM_REDIS_GET_RETRIES": "1", "RAY_py_gcs_connect_timeout_s": str(_PATIENCE)}
-"""In the environment before Ray is imported: usually it tries to join for twelve minutes."""
+_RAY_TRIES = "RAY_NUM_REDIS_GET_RETRIES"
+"""In the environment while Ray is imported: how often it tries to join, for 40 s each; usually 20 times."""
 _LIST = 16
 """Pieces of work for each worker that are told of together, where an engine cannot tell of each."""
 _TRIES = 3
@@ -288,9 +288,8 @@ def join_ray(place: str, url: str, **options: object) -> Any:
 
     Raises ExecutorMissing, ExecutorRefused.
     """
-    for name, value in _RAY.items():
-        os.environ.setdefault(name, value)
-    ray = _engine("ray", "ray")
+    with _tried_once():
+        ray = _engine("ray", "ray")
     host, _, port = place.rpartition(":")
     try:
         if host and port.isdecimal() and "://" not in place:
@@ -302,6 +301,19 @@ def join_ray(place: str, url: str, **options: object) -> Any:
     except (OverflowError, ValueError, RuntimeError) as error:
         raise ExecutorRefused(url, str(error).splitlines()[0]) from error
     return ray
+
+
+@contextmanager
+def _tried_once() -> Generator[None]:
+    """For this process only: nodes that somebody starts later may take their time."""
+    if _RAY_TRIES in os.environ:
+        yield
+        return
+    os.environ[_RAY_TRIES] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[_RAY_TRIES]
 
 
 def _engine(scheme: str, module: str) -> Any:

@@ -11,6 +11,8 @@ import pytest
 
 from api.cluster import RayMissing, app, application, main, started
 from inspector.settings import SettingRefused, read_settings
+from inspector.stores.base import StoreNotOpened
+from tests.clusters import needs
 
 
 def test_a_replica_takes_the_first_folder_that_nobody_works_on(tmp_path: Path) -> None:
@@ -45,6 +47,15 @@ def test_no_replicas_are_refused_before_anything_starts(count: str, capsys: pyte
     assert f"{count!r} is not allowed; allowed is a whole number above 0" in capsys.readouterr().err.replace("\n", " ")
     with pytest.raises(ArgumentTypeError, match="not allowed"):
         app({"replicas": count})
+
+
+@pytest.mark.cluster
+@pytest.mark.filterwarnings("default")
+def test_a_database_that_is_not_there_is_said_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    needs("ray")
+    monkeypatch.setenv("INSPECTOR_DATABASE", "postgresql://nobody@127.0.0.1:1/none")
+    with pytest.raises(StoreNotOpened, match="refused"):
+        main([])
 
 
 def test_where_ray_is_missing_that_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
