@@ -60,7 +60,7 @@ from inspector.service.jobs import TooMuchToDo
 from inspector.service.pictures import NoSuchPicture
 from inspector.service.replays import NoScores
 from inspector.settings import SettingRefused
-from inspector.stores.base import NoSuch, StoreConflict
+from inspector.stores.errors import NoSuch, StoreConflict
 from models.errors import AppearanceError, InspectionError, NumericError
 
 log = structlog.get_logger(__name__)

@@ -30,7 +30,7 @@ from inspector.policies import PolicyFile
 from inspector.service.errors import NoRecipe
 from inspector.service.folder import new_id
 from inspector.service.service import Service
-from inspector.stores.base import NoSuchRecipe
+from inspector.stores.errors import NoSuchRecipe
 from inspector.stores.records import Recipe
 from models.verdict import Policy
 

@@ -37,7 +37,7 @@ from api.uploads import receive_recording
 from inspector.service.access import Who
 from inspector.service.folder import remove
 from inspector.service.service import Service
-from inspector.stores.base import NoSuchSweep
+from inspector.stores.errors import NoSuchSweep
 from inspector.stores.records import Json, Sweep
 
 router = APIRouter(prefix="/v1/products/{product_id}/sweeps", tags=["sweeps"])

@@ -35,7 +35,7 @@ from api.jobs import Accepted
 from api.schemas import Page
 from api.uploads import receive_workspace
 from inspector.service.folder import remove
-from inspector.stores.base import NoSuchWorkspace
+from inspector.stores.errors import NoSuchWorkspace
 from inspector.stores.records import Json, StoredWorkspace, WorkspaceSource
 
 router = APIRouter(prefix="/v1/workspaces", tags=["workspaces"])

@@ -13,7 +13,7 @@ models.errors.InspectionError
     │   ├── NotRecorded          a recording that cannot be begun
     │   ├── NothingRecorded      a camera that delivered no picture to record
     │   └── RecordingStopped     a recording that could not be written on
-    ├── StoreError               a database that does not do what was asked (inspector.stores.base)
+    ├── StoreError               a database that does not do what was asked (inspector.stores.errors)
     └── OutputExists             a file that would be overwritten
 """
 

@@ -21,7 +21,8 @@ from inspector.service.files import Files
 from inspector.service.recipes import recipe_of
 from inspector.service.recognising import Recognising
 from inspector.service.replays import Replay, Replays
-from inspector.stores.base import AbstractStore, IdTaken, NoSuchInspection, NoSuchRecipe, NoSuchSweep
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import IdTaken, NoSuchInspection, NoSuchRecipe, NoSuchSweep
 from inspector.stores.records import Json, StoredInspection, Sweep
 from models.errors import InspectionError
 from models.verdict import Policy

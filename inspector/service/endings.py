@@ -17,7 +17,8 @@ from inspector.service.files import Files
 from inspector.service.folder import remove
 from inspector.service.publishing import Publishing
 from inspector.service.running import Ended
-from inspector.stores.base import AbstractStore, StoreConflict
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import StoreConflict
 from inspector.stores.records import StoredInspection
 
 _NOT_CLOSED = "not closed properly: the last second may be missing"

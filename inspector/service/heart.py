@@ -13,7 +13,8 @@ from typing import final
 import structlog
 
 from inspector.errors import StoreError
-from inspector.stores.base import AbstractStore, NoSuchNode
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import NoSuchNode
 from inspector.stores.records import Buried, Json, Node
 
 BEAT_SECONDS = 1.0

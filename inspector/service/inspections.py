@@ -30,7 +30,8 @@ from inspector.service.recognising import Recognising
 from inspector.service.roster import Roster
 from inspector.service.running import Around, Bounds, Ended, Running
 from inspector.service.station import Station
-from inspector.stores.base import AbstractStore, AlreadyConcluded, IdTaken, NoSuchInspection, NotOwner
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import AlreadyConcluded, IdTaken, NoSuchInspection, NotOwner
 from inspector.stores.records import StoredInspection
 from models.verdict import Policy
 

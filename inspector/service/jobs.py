@@ -21,7 +21,8 @@ from inspector.service.events import Events
 from inspector.service.files import Files
 from inspector.service.folder import new_id
 from inspector.service.metrics import Metrics
-from inspector.stores.base import AbstractStore, JobEnded
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import JobEnded
 from inspector.stores.records import Job, JobKind, Json
 from models.errors import InspectionError
 

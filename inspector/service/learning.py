@@ -12,7 +12,8 @@ from inspector.locations import shown_place
 from inspector.service.desk import Desk, naming
 from inspector.service.files import Files
 from inspector.service.folder import remove
-from inspector.stores.base import AbstractStore, NoSuchSweep
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import NoSuchSweep
 from inspector.stores.records import Json, StoredAppearance
 
 

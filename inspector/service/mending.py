@@ -13,7 +13,8 @@ from inspector.service.files import Files
 from inspector.service.folder import remove
 from inspector.service.publishing import Publishing
 from inspector.service.retention import DAY_NS
-from inspector.stores.base import AbstractStore, NoSuch
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import NoSuch
 from inspector.stores.records import StoredInspection
 
 _log = structlog.get_logger("inspector")

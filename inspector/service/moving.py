@@ -21,7 +21,8 @@ from inspector.service.errors import Moved
 from inspector.service.files import Files
 from inspector.service.roster import Roster
 from inspector.service.running import Running
-from inspector.stores.base import AbstractStore, AlreadyConcluded, NotOwner
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import AlreadyConcluded, NotOwner
 from inspector.stores.records import StoredInspection
 
 SAVE_SECONDS = 1.0

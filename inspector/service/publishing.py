@@ -14,7 +14,8 @@ from inspector.errors import WorldError
 from inspector.service.files import Files
 from inspector.service.folder import remove
 from inspector.service.metrics import Metrics
-from inspector.stores.base import AbstractStore, NoSuch
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import NoSuch
 from inspector.stores.records import StoredInspection
 
 _log = structlog.get_logger("inspector")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from inspector.stores.base import AbstractStore, UnknownStore
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import UnknownStore
 
 STORES = {
     "memory": "inspector.stores.sql:SqlStore",

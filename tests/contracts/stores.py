@@ -25,7 +25,7 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import DBAPIError
 
 from inspector.stores import AbstractStore, open_store
-from inspector.stores.base import (
+from inspector.stores.errors import (
     AlreadyConcluded,
     IdTaken,
     JobEnded,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sqlalchemy import select, update
 
-from inspector.stores.base import NoSuchToken
+from inspector.stores.errors import NoSuchToken
 from inspector.stores.records import AuditEntry, Json, Page, Role, Token
 from inspector.stores.sql.database import found, insert_new, made, page
 from inspector.stores.sql.room import Room, row_by, write_down

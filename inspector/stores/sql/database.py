@@ -13,7 +13,7 @@ from sqlalchemy import Connection, Engine, Row, Select, Table
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DBAPIError, TimeoutError
 
-from inspector.stores.base import IdTaken, StoreFailed
+from inspector.stores.errors import IdTaken, StoreFailed
 from inspector.stores.records import Page
 
 R = TypeVar("R")

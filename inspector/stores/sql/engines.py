@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Engine, QueuePool, create_engine, event
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
-from inspector.stores.base import StoreNotOpened
+from inspector.stores.errors import StoreNotOpened
 from inspector.stores.sql.database import Database
 
 CONNECTIONS = 8

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 
-from inspector.stores.base import NoSuchInspection, NoSuchRecipe, NotEnded, NothingToDecide
+from inspector.stores.errors import NoSuchInspection, NoSuchRecipe, NotEnded, NothingToDecide
 from inspector.stores.records import (
     Decision,
     Disposition,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sqlalchemy import select, update
 
-from inspector.stores.base import JobEnded, NoSuchJob
+from inspector.stores.errors import JobEnded, NoSuchJob
 from inspector.stores.records import Job, JobKind, JobState, Json, Page
 from inspector.stores.sql.database import found, insert_new, made, page
 from inspector.stores.sql.products import ensure_product

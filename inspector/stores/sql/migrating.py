@@ -12,7 +12,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, inspect, select, text
 
-from inspector.stores.base import NewerStore, OlderServices, StoreNotOpened
+from inspector.stores.errors import NewerStore, OlderServices, StoreNotOpened
 from inspector.stores.sql.database import Database, sentence
 from inspector.stores.sql.engines import keep_a_log_ahead
 from inspector.stores.sql.nodes import database_ns

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy import BigInteger, ColumnElement, Connection, Row, delete, literal_column, or_, select, update
 
-from inspector.stores.base import NoSuchNode
+from inspector.stores.errors import NoSuchNode
 from inspector.stores.records import Buried, Json, Node
 from inspector.stores.sql.database import insert_absent
 from inspector.stores.sql.room import Room

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Row, delete
 
-from inspector.stores.base import AlreadyConcluded, NoSuchInspection, NotOwner, StoreConflict
+from inspector.stores.errors import AlreadyConcluded, NoSuchInspection, NotOwner, StoreConflict
 from inspector.stores.sql.database import found
 from inspector.stores.sql.room import row_by
 from inspector.stores.sql.tables import CHECKPOINT_PARTS, CHECKPOINTS, INSPECTIONS

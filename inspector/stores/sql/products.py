@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from sqlalchemy import Connection, select
 
-from inspector.stores.base import NoSuchAppearance, NoSuchSweep
+from inspector.stores.errors import NoSuchAppearance, NoSuchSweep
 from inspector.stores.records import Page, Product, StoredAppearance, Sweep
 from inspector.stores.sql.database import found, insert_absent, insert_new, made, page
 from inspector.stores.sql.room import Room, product_row, row_by

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Row, func, select, update
 
-from inspector.stores.base import NoSuchRecipe
+from inspector.stores.errors import NoSuchRecipe
 from inspector.stores.records import Json, Page, Recipe
 from inspector.stores.sql.database import found, insert_new, made, page
 from inspector.stores.sql.products import appearance_of

@@ -6,7 +6,8 @@ from typing import Any
 
 from sqlalchemy import Connection, Row, Table, insert, select
 
-from inspector.stores.base import AbstractStore, NoSuchProduct
+from inspector.stores.base import AbstractStore
+from inspector.stores.errors import NoSuchProduct
 from inspector.stores.records import Json
 from inspector.stores.sql.database import Database, found
 from inspector.stores.sql.tables import AUDIT, PRODUCTS

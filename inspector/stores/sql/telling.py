@@ -11,7 +11,7 @@ from typing import Any, final
 
 from sqlalchemy import Connection, delete, insert, select, text
 
-from inspector.stores.base import StoreFailed
+from inspector.stores.errors import StoreFailed
 from inspector.stores.sql.database import Database
 from inspector.stores.sql.nodes import database_ns
 from inspector.stores.sql.room import Room

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from sqlalchemy import select
 
-from inspector.stores.base import NoSuchWorkspace
+from inspector.stores.errors import NoSuchWorkspace
 from inspector.stores.records import Page, StoredWorkspace
 from inspector.stores.sql.database import found, insert_absent, made, page
 from inspector.stores.sql.room import Room, row_by

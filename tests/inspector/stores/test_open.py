@@ -8,7 +8,7 @@ import pytest
 
 from inspector.errors import WorldError
 from inspector.stores import STORES, open_store
-from inspector.stores.base import StoreNotOpened, UnknownStore
+from inspector.stores.errors import StoreNotOpened, UnknownStore
 from tests.contracts.stores import ONE_SENTENCE
 
 SECRET = "s3cr3t"

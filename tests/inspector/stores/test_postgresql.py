@@ -10,7 +10,7 @@ import psycopg
 import pytest
 
 from inspector.stores import open_store
-from inspector.stores.base import NewerStore, NotOwner, OlderServices, StoreNotOpened
+from inspector.stores.errors import NewerStore, NotOwner, OlderServices, StoreNotOpened
 from inspector.stores.records import Checkpoint
 from inspector.stores.sql import migrating
 from inspector.stores.sql.migrating import SCRIPTS

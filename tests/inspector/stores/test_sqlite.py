@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from inspector.stores import open_store
-from inspector.stores.base import StoreFailed, StoreNotOpened
+from inspector.stores.errors import StoreFailed, StoreNotOpened
 from tests.contracts.stores import ONE_SENTENCE, DurableStoreContract, behind, engine
 
 
