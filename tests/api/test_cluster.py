@@ -11,7 +11,7 @@ import pytest
 
 from api.cluster import RayMissing, app, application, main, started
 from inspector.settings import SettingRefused, read_settings
-from inspector.stores.base import StoreNotOpened
+from inspector.stores.errors import StoreNotOpened
 from tests.clusters import needs
 
 
