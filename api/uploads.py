@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 from collections.abc import Callable
 from contextlib import suppress
@@ -76,8 +77,8 @@ async def _receive(request: Request, folder: DataFolder, check: Callable[[bytes]
         begins = begins or check(bytes(buffer[:START]))
         await in_thread(sink.finish, bytes(buffer))
     except BaseException:
-        sink.close()
-        remove(draft)
+        # In a thread: to remove gigabytes takes a while, for which no frame should wait.
+        await asyncio.shield(in_thread(sink.drop))
         raise
     return begins, Received(draft, sink.size, sink.sha256.hexdigest())
 
@@ -112,3 +113,7 @@ class _Sink:
     def close(self) -> None:
         if hasattr(self, "_file"):
             self._file.close()
+
+    def drop(self) -> None:
+        self.close()
+        remove(self._path)
