@@ -10,7 +10,7 @@ from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import BaseModel
 
-from api.deps import After, Limit, ServiceDep, Viewer, in_thread, tagged
+from api.deps import ServiceDep, Viewer, WantedDep, in_thread, tagged
 from api.schemas import Page
 
 router = APIRouter(prefix="/v1/audit", tags=["audit"])
@@ -35,7 +35,7 @@ class AuditPage(Page[Entry]):
 
 
 @router.get("", response_model=AuditPage)
-async def audit(request: Request, service: ServiceDep, who: Viewer, after: After = None, limit: Limit = 50) -> Response:
+async def audit(request: Request, service: ServiceDep, who: Viewer, wanted: WantedDep) -> Response:
     """All changes."""
-    page = await in_thread(service.store.audit, after, limit)
+    page = await in_thread(service.store.audit, *wanted)
     return tagged(request, AuditPage.of(page, lambda change: Entry(**asdict(change))))

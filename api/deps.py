@@ -6,7 +6,7 @@ import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import suppress
-from typing import Annotated, Any, ParamSpec, TypeVar
+from typing import Annotated, Any, NamedTuple, ParamSpec, TypeVar
 
 from fastapi import Depends, Path, Query
 from fastapi.concurrency import run_in_threadpool
@@ -67,6 +67,21 @@ Admin = Annotated[Who, Depends(_needs("admin"))]
 
 After = Annotated[int | None, Query(ge=0, le=2**63 - 1, description="`next` of the page before.")]
 Limit = Annotated[int, Query(ge=1, le=200, description="The most that a page may hold.")]
+
+
+class Wanted(NamedTuple):
+    """Which part of a list is asked for."""
+
+    after: int | None
+    limit: int
+
+
+async def _wanted(after: After = None, limit: Limit = 50) -> Wanted:
+    return Wanted(after, limit)
+
+
+WantedDep = Annotated[Wanted, Depends(_wanted)]
+
 PRODUCT = f"^{NAME.pattern}$"
 """What products may be called."""
 PART = f"^{sweeps.PART.pattern}$"

@@ -10,7 +10,7 @@ from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field, model_validator
 
-from api.deps import TEXT, After, Id, Limit, Operator, ServiceDep, Viewer, in_thread, once, problems, tagged
+from api.deps import TEXT, Id, Operator, ServiceDep, Viewer, WantedDep, in_thread, once, problems, tagged
 from api.results import Disposition, Inspection, told
 from api.schemas import Asked, Page
 from inspector.stores.records import Decision
@@ -60,8 +60,8 @@ async def dispose(request: Request, inspection_id: Id, asked: Dispose, service: 
 
 @router.get("/{inspection_id}/dispositions", response_model=DispositionPage, responses=problems(404))
 async def dispositions(
-    *, request: Request, inspection_id: Id, service: ServiceDep, who: Viewer, after: After = None, limit: Limit = 50
+    request: Request, inspection_id: Id, service: ServiceDep, who: Viewer, wanted: WantedDep
 ) -> Response:
     """Everything that people said of it."""
-    page = await in_thread(service.store.dispositions, inspection_id, after, limit)
+    page = await in_thread(service.store.dispositions, inspection_id, *wanted)
     return tagged(request, DispositionPage.of(page, lambda word: Disposition(**asdict(word))))

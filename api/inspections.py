@@ -9,7 +9,7 @@ from fastapi.requests import Request
 from fastapi.responses import FileResponse, Response
 from pydantic import BaseModel
 
-from api.deps import PART, PRODUCT, After, Id, Limit, ServiceDep, Viewer, in_thread, problems, tagged
+from api.deps import PART, PRODUCT, Id, ServiceDep, Viewer, WantedDep, in_thread, problems, tagged
 from api.downloads import download
 from api.results import Inspection, stored_scores, told, whole_result
 from api.schemas import Page
@@ -47,8 +47,7 @@ async def inspections(
     source: InspectionSource | None = None,
     part: Annotated[str | None, Query(pattern=PART, description="How `part_id` begins.")] = None,
     profile: Annotated[bool, Query(description="With the profile of each.")] = False,
-    after: After = None,
-    limit: Limit = 50,
+    wanted: WantedDep,
 ) -> Response:
     """All inspections, newest first; cheap to poll with If-None-Match."""
 
@@ -59,8 +58,8 @@ async def inspections(
             state=state,
             source=source,
             part=part,
-            after=after,
-            limit=limit,
+            after=wanted.after,
+            limit=wanted.limit,
         )
         return InspectionPage.of(page, lambda each: told(each, service, profile)).model_dump_json().encode()
 

@@ -9,7 +9,7 @@ from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import BaseModel
 
-from api.deps import PRODUCT, After, Engineer, Id, Limit, ServiceDep, Viewer, in_thread, problems, tagged
+from api.deps import PRODUCT, Engineer, Id, ServiceDep, Viewer, WantedDep, in_thread, problems, tagged
 from api.schemas import Page
 from inspector.stores.records import Job, JobKind, JobState
 
@@ -78,11 +78,12 @@ async def jobs(
     who: Viewer,
     product_id: Annotated[str | None, Query(pattern=PRODUCT)] = None,
     state: JobState | None = None,
-    after: After = None,
-    limit: Limit = 50,
+    wanted: WantedDep,
 ) -> Response:
     """All jobs."""
-    page = await in_thread(service.store.jobs, product_id=product_id, state=state, after=after, limit=limit)
+    page = await in_thread(
+        service.store.jobs, product_id=product_id, state=state, after=wanted.after, limit=wanted.limit
+    )
     return tagged(request, JobPage.of(page, _told))
 
 

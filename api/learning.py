@@ -15,13 +15,12 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from api.deps import (
     IDENTITY,
-    After,
     Engineer,
     Id,
-    Limit,
     ProductId,
     ServiceDep,
     Viewer,
+    WantedDep,
     in_thread,
     once,
     problems,
@@ -173,16 +172,10 @@ async def learn(request: Request, product_id: ProductId, asked: Learn, service: 
 
 @router.get("", response_model=AppearancePage, responses=problems(404))
 async def appearances(
-    *,
-    request: Request,
-    product_id: ProductId,
-    service: ServiceDep,
-    who: Viewer,
-    after: After = None,
-    limit: Limit = 50,
+    request: Request, product_id: ProductId, service: ServiceDep, who: Viewer, wanted: WantedDep
 ) -> Response:
     """Everything that was learnt of a product."""
-    page = await in_thread(service.store.appearances, product_id, after, limit)
+    page = await in_thread(service.store.appearances, product_id, *wanted)
     return tagged(request, AppearancePage.of(page, _told))
 
 

@@ -7,7 +7,7 @@ from fastapi.requests import Request
 from fastapi.responses import Response
 from pydantic import BaseModel
 
-from api.deps import After, Limit, ProductId, ServiceDep, Viewer, in_thread, problems, tagged
+from api.deps import ProductId, ServiceDep, Viewer, WantedDep, in_thread, problems, tagged
 from api.recipes import RecipeOut, recipe_out
 from api.schemas import Page
 from inspector.service.service import Service
@@ -30,13 +30,11 @@ class ProductPage(Page[ProductOut]):
 
 
 @router.get("", response_model=ProductPage)
-async def products(
-    request: Request, service: ServiceDep, who: Viewer, after: After = None, limit: Limit = 50
-) -> Response:
+async def products(request: Request, service: ServiceDep, who: Viewer, wanted: WantedDep) -> Response:
     """All products. One comes into being with its first sweep."""
 
     def read() -> ProductPage:
-        return ProductPage.of(service.store.products(after, limit), lambda product: _told(service, product))
+        return ProductPage.of(service.store.products(*wanted), lambda product: _told(service, product))
 
     return tagged(request, await in_thread(read))
 

@@ -13,13 +13,12 @@ from pydantic import BaseModel, Field
 from api.deps import (
     IDENTITY,
     TEXT,
-    After,
     Engineer,
     Id,
-    Limit,
     ProductId,
     ServiceDep,
     Viewer,
+    WantedDep,
     in_thread,
     once,
     problems,
@@ -86,16 +85,10 @@ async def add(
 
 @router.get("", response_model=RecipePage, responses=problems(404))
 async def recipes(
-    *,
-    request: Request,
-    product_id: ProductId,
-    service: ServiceDep,
-    who: Viewer,
-    after: After = None,
-    limit: Limit = 50,
+    request: Request, product_id: ProductId, service: ServiceDep, who: Viewer, wanted: WantedDep
 ) -> Response:
     """All versions of a product's recipe."""
-    page = await in_thread(service.store.recipes, product_id, after, limit)
+    page = await in_thread(service.store.recipes, product_id, *wanted)
     return tagged(request, RecipePage.of(page, recipe_out))
 
 

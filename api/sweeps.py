@@ -16,13 +16,12 @@ from api.bodies import BINARY, body_of, type_of
 from api.deps import (
     JSON,
     PART,
-    After,
     Engineer,
     Id,
-    Limit,
     ProductId,
     ServiceDep,
     Viewer,
+    WantedDep,
     in_thread,
     once,
     problems,
@@ -153,16 +152,10 @@ def _missing(name: str, said: str) -> dict[str, Any]:
 
 @router.get("", response_model=SweepPage, responses=problems(404))
 async def sweeps(
-    *,
-    request: Request,
-    product_id: ProductId,
-    service: ServiceDep,
-    who: Viewer,
-    after: After = None,
-    limit: Limit = 50,
+    request: Request, product_id: ProductId, service: ServiceDep, who: Viewer, wanted: WantedDep
 ) -> Response:
     """All sweeps of a product."""
-    page = await in_thread(service.store.sweeps, product_id, after, limit)
+    page = await in_thread(service.store.sweeps, product_id, *wanted)
     return tagged(request, SweepPage.of(page, _told))
 
 

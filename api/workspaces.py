@@ -17,13 +17,12 @@ from api.bodies import BINARY, PICTURES, body_of, picture_in, type_of
 from api.deps import (
     JSON,
     PRODUCT,
-    After,
     Engineer,
     Id,
-    Limit,
     Operator,
     ServiceDep,
     Viewer,
+    WantedDep,
     in_thread,
     once,
     problems,
@@ -164,11 +163,9 @@ def _periods(periodic: Sequence[str]) -> dict[str, float]:
 
 
 @router.get("", response_model=WorkspacePage)
-async def workspaces(
-    *, request: Request, service: ServiceDep, who: Viewer, after: After = None, limit: Limit = 50
-) -> Response:
+async def workspaces(request: Request, service: ServiceDep, who: Viewer, wanted: WantedDep) -> Response:
     """All workspaces."""
-    page = await in_thread(service.store.workspaces, after, limit)
+    page = await in_thread(service.store.workspaces, *wanted)
     return tagged(request, WorkspacePage.of(page, _told))
 
 
