@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter
 from fastapi.requests import Request
@@ -11,10 +11,9 @@ from pydantic import BaseModel, Field
 
 from api.deps import PART, Admin, Id, ServiceDep, in_thread, problems, tagged
 from api.schemas import Asked
-from inspector.stores.records import Token
+from inspector.stores.records import Role, Token
 
 router = APIRouter(prefix="/v1/tokens", tags=["tokens"])
-Role = Literal["viewer", "operator", "engineer", "admin"]
 
 
 class NewToken(Asked):
