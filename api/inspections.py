@@ -87,7 +87,8 @@ async def result(
     The scores of its frames are kept for so many days (`keep_scores_days`): afterwards `frames` is null, and
     `frames_note` says so. All else stays.
     """
-    return tagged(request, await in_thread(whole_result, service, inspection_id, frames))
+    # What may have megabytes is hashed in the thread, too.
+    return await in_thread(lambda: tagged(request, whole_result(service, inspection_id, frames)))
 
 
 @router.get("/{inspection_id}/scores", response_model=Scores, responses=problems(404, 410))
@@ -104,8 +105,8 @@ async def scores(
     stored = await in_thread(service.store.inspection, inspection_id)
     running = service.inspections.find(inspection_id)
     if stored.state == "processing" and running is not None:
-        return tagged(request, await in_thread(_live_scores, running, after, limit))
-    return tagged(request, await in_thread(stored_scores, service, stored, after, limit))
+        return await in_thread(lambda: tagged(request, _live_scores(running, after, limit)))
+    return await in_thread(lambda: tagged(request, stored_scores(service, stored, after, limit)))
 
 
 @router.get("/{inspection_id}/recording", responses=problems(404, 409, 410), response_class=FileResponse)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 from pydantic import BaseModel
 
-from inspector.result_json import frame_records
+from inspector.result_json import frame_record
 from inspector.scores_json import scores_from_bytes
 from inspector.service.errors import NotConcluded, ScoresGone
 from inspector.service.scored import kept_scores
 from inspector.service.service import Service
-from inspector.stores.records import Decision, InspectionSource, InspectionState, Json, StoredInspection
+from inspector.stores.records import Decision, InspectionSource, InspectionState, StoredInspection
+from models.verdict import ScoredFrame
 
 
 class Disposition(BaseModel):
@@ -92,19 +94,24 @@ def whole_result(service: Service, inspection_id: str, frames: bool = True) -> b
         said = {name: getattr(stored, name) for name in names}
         bare = {"result_state": stored.state, "is_partial": True, "reasons": [stored.reason or ""], "frames": []}
         return json.dumps(said | bare).encode()
-    return json.dumps(stored.result | (_frames(service, stored) if frames else {})).encode()
+    return f"{json.dumps(stored.result)[:-1]}{_frames(service, stored) if frames else ''}}}".encode()
 
 
-def _frames(service: Service, stored: StoredInspection) -> Json:
+def _frames(service: Service, stored: StoredInspection) -> str:
     try:
         scores = kept_scores(service.store, stored)
     except ScoresGone as gone:
-        return {"frames": None, "frames_note": str(gone)}
-    return {"frames": frame_records(scores_from_bytes(scores))} if scores is not None else {}
+        return f', "frames": null, "frames_note": {json.dumps(str(gone))}'
+    return f', "frames": {_listed(scores_from_bytes(scores))}' if scores is not None else ""
 
 
 def stored_scores(service: Service, stored: StoredInspection, after: int, limit: int) -> bytes:
     """Scored frames with a higher index, of an inspection that has ended. Blocks. Raises ScoresGone."""
     scores = kept_scores(service.store, stored)
     frames = scores_from_bytes(scores)[after + 1 : after + 1 + limit] if scores is not None else ()
-    return json.dumps({"items": frame_records(frames), "next": after + len(frames), "state": stored.state}).encode()
+    return f'{{"items": {_listed(frames)}, "next": {after + len(frames)}, "state": "{stored.state}"}}'.encode()
+
+
+def _listed(frames: Sequence[ScoredFrame]) -> str:
+    """Frame by frame: one call for thousands of them would not let go of the interpreter, and frames would wait."""
+    return f"[{', '.join(json.dumps(frame_record(frame)) for frame in frames)}]"
