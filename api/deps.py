@@ -132,6 +132,13 @@ def in_thread(work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Corout
     return run_in_threadpool(work, *args, **kwargs)
 
 
+def checked_key(key: str | None) -> str | None:
+    """An Idempotency-Key that can be one: an empty one would stand for whatever has none. Raises HTTPException."""
+    if key is not None and not (0 < len(key) <= MAX_KEY and key.isprintable()):
+        raise HTTPException(422, f"Idempotency-Key has {len(key)} characters; allowed are 1 to {MAX_KEY}, printable")
+    return key
+
+
 Done = tuple[int, BaseModel] | tuple[int, bytes]
 """Status and answer."""
 
@@ -144,11 +151,9 @@ async def once(
     `body` stands for the body of the request where that was not read as a whole. Keys are each sender's own, and
     remembered for a day. What failed is not remembered.
     """
-    key = request.headers.get("idempotency-key")
+    key = checked_key(request.headers.get("idempotency-key"))
     if key is None:
         return _answer(*await do())
-    if not (0 < len(key) <= MAX_KEY and key.isprintable()):
-        raise HTTPException(422, f"Idempotency-Key has {len(key)} characters; allowed are 1 to {MAX_KEY}, printable")
     told = [request.method, request.url.path, request.url.query, request.headers.get("prefer", "")]
     mark = hashlib.sha256("\0".join(told).encode() + b"\0" + (await request.body() if body is None else body))
     node = service.peers.node_id

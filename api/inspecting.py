@@ -11,7 +11,20 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from api.bodies import PICTURES, body_of, picture_in
-from api.deps import IDENTITY, JSON, PART, PRODUCT, TEXT, Id, Operator, ServiceDep, in_thread, once, problems
+from api.deps import (
+    IDENTITY,
+    JSON,
+    PART,
+    PRODUCT,
+    TEXT,
+    Id,
+    Operator,
+    ServiceDep,
+    checked_key,
+    in_thread,
+    once,
+    problems,
+)
 from api.errors import problem
 from api.results import Inspection, told
 from api.schemas import Asked
@@ -112,17 +125,18 @@ async def frame(
     counts as dropped. Where several processes share a database: frames below `Saved-Sequence` of the answer survive the
     process; 409 `resume-from` with `next_sequence` where some were lost with one, which are then to be sent once more.
     """
+    key = checked_key(idempotency_key)
     picture = await picture_in(request)
     running = await service.inspections.open(inspection_id)
-    number = sequence if sequence is not None else running.keys.get(idempotency_key or "", running.next_sequence)
-    if idempotency_key is not None:
-        running.keys.setdefault(idempotency_key, number)
+    number = sequence if sequence is not None else running.keys.get(key or "", running.next_sequence)
+    if key is not None:
+        running.keys.setdefault(key, number)
     at = next((each for each in (t_ns, t_ns_header) if each is not None), service.now_ns())
     try:
         answer = await running.offer_and_wait(SentFrame(number, at, encoder, picture))
     except Busy:
         # Nothing has changed: the next frame has this number, whose ever it is.
-        running.keys.pop(idempotency_key or "", None)
+        running.keys.pop(key or "", None)
         raise
     said = json.loads(answer)
     if said["kind"] == "refused":

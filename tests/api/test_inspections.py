@@ -171,6 +171,8 @@ def test_a_frame_that_is_sent_again_is_not_scored_twice(client: TestClient):
     path = f"/v1/inspections/{inspection}/frames"
     once = client.post(path, content=picture(frames()[1]), headers=jpeg).json()
     assert client.post(path, content=picture(frames()[1]), headers=jpeg).json() == once
+    none = client.post(path, content=picture(frames()[2]), headers=jpeg | {"idempotency-key": ""})
+    wrong(none, 422, "Idempotency-Key has 0 characters; allowed are 1 to 255")
     assert client.get(f"/v1/inspections/{inspection}").json()["frames_scored"] == 2
     assert post(client, inspection, frames()[5], sequence=5).status_code == 200
     wrong(post(client, inspection, frames()[3], sequence=3), 409, "the next number is 6")
