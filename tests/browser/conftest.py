@@ -35,6 +35,7 @@ FLAGS = [
     "--disable-dev-shm-usage",
 ]
 NEXT_FRAMES = "() => new Promise(done => requestAnimationFrame(() => setTimeout(done, 60)))"
+TEXTS = "selector => [...document.querySelectorAll(selector)].map(each => each.innerText)"
 PATIENCE_MS = 20_000
 SIZE = {"width": 1280, "height": 720}
 
@@ -127,6 +128,14 @@ class Seen:
         if wait is not None:
             self.page.wait_for_selector(wait)
         return self.page
+
+    def texts(self, selector: str) -> list[str]:
+        """What is written in every element of a CSS selector, as it is laid out at one moment.
+
+        Playwright's `all_inner_texts` finds them first and reads them afterwards: what the page has drawn anew in
+        between is not laid out any more, and has no line breaks.
+        """
+        return self.page.evaluate(TEXTS, selector)
 
     def shot(self, name: str, *, full: bool = False) -> None:
         """A picture of it, where pictures are wanted."""

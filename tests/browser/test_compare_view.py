@@ -57,7 +57,7 @@ def test_the_difference_shows_what_only_one_has(seen: Seen, bad: dict[str, Any],
     shown(seen, min(bad["frames"], key=lambda frame: abs(frame["s"] - middle))["index"])
     assert page.locator(".pane canvas").count() == 3
     assert page.locator(".pane canvas >> visible=true").count() == 3
-    assert [each.split("\n")[1] for each in page.locator(".side .verdict").all_inner_texts()] == ["NG", "OK"]
+    assert [each.split("\n")[1] for each in seen.texts(".side .verdict")] == ["NG", "OK"]
     seen.both("compare", full=True)
     page.click("text=Half and half")
     page.locator(".split").fill("0.3")
@@ -70,9 +70,9 @@ def test_a_sweep_whose_scores_are_not_kept_any_more_says_so(seen: Seen, station:
     old = station.inspect(GOOD, "old-2")
     remove_scores(station.data, old["inspection_id"])
     for sides, name in ((old, bad), "A"), ((bad, old), "B"):
-        page = seen.open("#/compare/" + "/".join(each["inspection_id"] for each in sides), wait=".warning")
+        seen.open("#/compare/" + "/".join(each["inspection_id"] for each in sides), wait=".warning")
         said = f"The scores of the frames of {name} are not kept any more: there is nothing to match."
-        assert page.locator(".warning").all_inner_texts() == [f"{said} A replay of its recording has them."]
+        assert seen.texts(".warning") == [f"{said} A replay of its recording has them."]
     seen.shot("compare-no-scores")
 
 

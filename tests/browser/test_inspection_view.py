@@ -74,10 +74,6 @@ def at_frame(seen: Seen, index: int) -> None:
     seen.page.wait_for_selector(f".panes-room[data-frame='{index}']:not([data-loading])")
 
 
-def texts(seen: Seen, selector: str) -> list[str]:
-    return seen.page.locator(selector).all_inner_texts()
-
-
 def test_places_along_the_sweep(seen: Seen) -> None:
     found = seen.open().evaluate(PURE)
     assert found["places"] == pytest.approx([0, 0, 0.1, 0.3, 0.5, 0.7, 0.61, 0.8])
@@ -101,9 +97,9 @@ def test_it_opens_at_the_worst_place_and_says_why(seen: Seen, bad: dict[str, Any
     page = seen.open(address(bad["inspection_id"]), wait=READY)
     (deviation,) = bad["deviations"]
     at_frame(seen, deviation["peak_index"])
-    assert texts(seen, ".at-head .verdict") == ["✕\nNG"]
-    assert texts(seen, ".reasons li") == bad["reasons"]
-    (row,) = texts(seen, ".at-found tbody tr")
+    assert seen.texts(".at-head .verdict") == ["✕\nNG"]
+    assert seen.texts(".reasons li") == bad["reasons"]
+    (row,) = seen.texts(".at-found tbody tr")
     for said in (f"s {deviation['s_start']:.3f}–{deviation['s_end']:.3f}", "appearance", "☀ too bright", "4.16"):
         assert said in row
     facts = page.locator(".at-facts").inner_text()
@@ -194,7 +190,7 @@ def test_it_grows_while_it_runs_and_is_whole_when_it_ends(seen: Seen, station: S
         page = seen.open(address(inspection.inspection_id), wait=".watched")
         page.wait_for_selector(".at-facts >> text=8 scored")
         page.wait_for_selector(".watched >> text=Frame 7.")
-        assert texts(seen, ".at-head .verdict") == ["▸\nrunning"]
+        assert seen.texts(".at-head .verdict") == ["▸\nrunning"]
         send(*frames(BAD)[8:20])
         page.wait_for_selector(".at-facts >> text=20 scored")
         page.wait_for_selector(".readout >> text=19")
@@ -207,8 +203,8 @@ def test_it_grows_while_it_runs_and_is_whole_when_it_ends(seen: Seen, station: S
         send(*frames(BAD)[20:])
         result = inspection.conclude()
     at_frame(seen, result["deviations"][0]["peak_index"])
-    assert texts(seen, ".at-head .verdict") == ["✕\nNG"]
-    assert texts(seen, ".reasons li") == result["reasons"]
+    assert seen.texts(".at-head .verdict") == ["✕\nNG"]
+    assert seen.texts(".reasons li") == result["reasons"]
 
 
 def test_what_was_recorded_and_said_can_be_taken_away(seen: Seen, bad: dict[str, Any], tmp_path: Path) -> None:
@@ -247,7 +243,7 @@ def test_a_person_overrules_and_the_verdict_stays(look: Callable[..., Seen], sta
         said.wait_for()
         assert said.inner_text().startswith("Overruled: OK")
         assert "a reflection" in said.inner_text()
-        assert texts(each, ".at-head .verdict") == ["✕\nNG"]
+        assert each.texts(".at-head .verdict") == ["✕\nNG"]
         assert "overruled, OK" in each.page.locator(".at-head").inner_text()
     page.click("text=Decide again")
     page.click("text=Confirm: it is NG")
@@ -317,7 +313,7 @@ def test_scores_that_are_not_kept_any_more_are_told_and_the_profile_is_shown(see
     assert page.locator(".panel.sweep [role=img]").get_attribute("aria-label") == (
         "Highest score in each fiftieth of the sweep, along s, with the limit at 1"
     )
-    assert texts(seen, ".at-head .verdict") == ["✕\nNG"]
+    assert seen.texts(".at-head .verdict") == ["✕\nNG"]
     assert page.locator(".at-found tbody tr").count() == len(old["deviations"])
     assert page.locator(".at-found .unseen").count() == 0
     facts = page.locator(".at-facts").inner_text()
@@ -327,7 +323,7 @@ def test_scores_that_are_not_kept_any_more_are_told_and_the_profile_is_shown(see
     seen.both("inspection-no-scores", full=True)
     page = seen.open(f"#/recipe/{PRODUCT}?tab=policy", wait=".rejudged .warning")
     left_out = "1 of the last parts is left out: the scores of their frames are not kept any more."
-    assert texts(seen, ".rejudged .warning") == [left_out]
+    assert seen.texts(".rejudged .warning") == [left_out]
     assert page.locator(".rejudged .headline").is_visible()
     page = seen.open(address(old["inspection_id"]), wait=".panel.sweep .warning")
     page.click(".actions >> text=Replay")

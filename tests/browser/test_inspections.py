@@ -55,7 +55,7 @@ def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
 
 
 def parts(seen: Seen) -> list[str]:
-    return seen.page.locator(f"{ROWS} a").all_inner_texts()
+    return seen.texts(f"{ROWS} a")
 
 
 def test_ten_thousand_are_scrolled_through_and_few_rows_are_there_at_once(seen: Seen) -> None:

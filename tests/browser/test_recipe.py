@@ -155,7 +155,7 @@ def test_while_it_learns_it_says_how_far_it_is_and_then_where_the_sweep_was_too_
 
 def test_products_are_a_list_to_choose_from(seen: Seen) -> None:
     page = seen.open("#/recipe", wait="table.list tbody tr")
-    assert {"fresh", "plate", "quick"} <= set(page.locator("table.list a").all_inner_texts())
+    assert {"fresh", "plate", "quick"} <= set(seen.texts("table.list a"))
     seen.both("products")
     page.click("table.list a >> text=quick")
     page.wait_for_url("**#/recipe/quick")
