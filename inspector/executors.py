@@ -10,6 +10,7 @@ inspector.errors.WorldError
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import threading
 import time
@@ -197,7 +198,8 @@ def _done(numbered: tuple[int, Any], parent: int | None, work: Callable[..., Any
 
 @cache
 def _ends_with(parent: int) -> None:
-    """A worker whose parent is killed would wait for minutes for more to do."""
+    """A worker whose parent is killed would wait for minutes for more. Ctrl-C is for the parent, which ends it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -238,7 +240,8 @@ def _processes(url: str, place: str, stack: ExitStack) -> Executor:
     stack.enter_context(_quiet_end())
     # Else they stay for minutes, and the next ones would have the environment of these.
     stack.callback(lambda: _LOKY.get_reusable_executor(reuse=True).shutdown(kill_workers=True))
-    stack.enter_context(_JOBLIB.parallel_config("loky", n_jobs=count, inner_max_num_threads=1))
+    begins = {"initializer": _ends_with, "initargs": (os.getpid(),)}
+    stack.enter_context(_JOBLIB.parallel_config("loky", n_jobs=count, inner_max_num_threads=1, **begins))
     return Executor(url, count, "loky")
 
 

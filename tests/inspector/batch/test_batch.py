@@ -242,6 +242,20 @@ def test_workers_do_not_outlive_who_started_them(tmp_path: Path):
     until(lambda: not any(runs(pid) for pid in workers))
 
 
+def interrupted(number: int) -> int:
+    os.kill(os.getpid(), signal.SIGINT)
+    return number
+
+
+def test_ctrl_c_is_for_who_started_the_workers():
+    # A terminal sends it to all of them.
+    with open_executor("processes:2") as workers:
+        try:
+            assert sorted(workers.each(interrupted, [1, 2, 3])) == [1, 2, 3]
+        except KeyboardInterrupt:
+            pytest.fail("a worker was interrupted")
+
+
 def until(true: Callable[[], bool]) -> None:
     for _ in range(1200):
         if true():
