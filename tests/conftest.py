@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
+from tests import ports
+
 if TYPE_CHECKING:
     from tests.buckets import Buckets
     from tests.postgresql import Server
@@ -28,6 +30,13 @@ def postgresql() -> "Iterator[Server]":
 
     with server() as running:
         yield running
+
+
+@pytest.fixture
+def port() -> "Iterator[int]":
+    """A port at which nobody listens, and that nobody else is given."""
+    with ports.held() as port:
+        yield port
 
 
 @pytest.fixture(scope="session")

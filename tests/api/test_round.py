@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import threading
 from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import replace
@@ -27,6 +26,7 @@ from models.frame import EncodedPicture, Frame
 from models.verdict import Policy
 from tests.api.stations import BAD, GOOD, LINE, bomb, feed, material, sweep
 from tests.inspector.line import cut, recorded
+from tests.patience import until
 
 HERE = "http://127.0.0.1"
 MCAP = {"content-type": "application/octet-stream"}
@@ -58,12 +58,14 @@ def uploaded(client: TestClient, path: Path, product: str = "plate", **headers: 
 
 def ended(client: TestClient, job_id: str) -> dict[str, Any]:
     """The job when it is over."""
-    for _ in range(2000):
-        job = client.get(f"/v1/jobs/{job_id}").json()
-        if job["state"] != "running":
-            return job
-        threading.Event().wait(0.03)
-    raise AssertionError("the job does not end")
+    job: dict[str, Any] = {}
+
+    def has_ended() -> bool:
+        job.update(client.get(f"/v1/jobs/{job_id}").json())
+        return job["state"] != "running"
+
+    until(has_ended, lambda: job)
+    return job
 
 
 def refused(answer: Any, status: int, said: str) -> None:

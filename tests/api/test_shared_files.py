@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +17,7 @@ from inspector.settings import Settings
 from tests.api.stations import GOOD, PRODUCT, begin, feed, frames, material, picture, sweep
 from tests.api.test_round import HERE, MCAP, ended, uploaded
 from tests.buckets import Buckets
+from tests.patience import until
 from tests.postgresql import Server
 
 
@@ -61,8 +61,7 @@ def inspected(client: TestClient, options: str) -> dict[str, Any]:
     inspection = begin(client)
     feed(client, inspection, frames(options))
     result = client.post(f"/v1/inspections/{inspection}/conclude").json()
-    while client.get(f"/v1/inspections/{inspection}").json()["recording"] == "being written":
-        threading.Event().wait(0.01)
+    until(lambda: client.get(f"/v1/inspections/{inspection}").json()["recording"] != "being written")
     return result
 
 
@@ -132,8 +131,7 @@ def test_frames_are_shown_while_the_recording_cannot_be_brought_away(
             assert client.get(at).json()["recording"] == "being written"
         assert other.get(f"{at}/frames/7/pictures/frame").status_code == 409
         assert b"inspector_recordings_unpublished 1.0" in one.get("/metrics").content
-    while other.get(at).json()["recording"] == "being written":
-        threading.Event().wait(0.01)
+    until(lambda: other.get(at).json()["recording"] != "being written")
     assert {client.get(f"{at}/frames/7/pictures/frame").content for client in two} == {shown}
     assert b"inspector_recordings_unpublished 0.0" in one.get("/metrics").content
 

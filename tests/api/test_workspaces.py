@@ -6,7 +6,6 @@ import io
 import json
 import os
 import signal
-import time
 import zipfile
 from collections.abc import Iterator
 from functools import cache
@@ -31,7 +30,9 @@ from inspector.workspaces import learn_labels, located_record
 from models.frame import Frame
 from models.workspace import Workspace
 from tests.api.stations import Stream, begin, bomb, feed, frames, learnt, sweep, teach
+from tests.api.test_round import ended
 from tests.inspector.test_workspaces import recorded
+from tests.patience import until
 
 BEYOND = '{"kind": "hand", "place": {"x_px": NaN, "y_px": 0}}'
 JPEG = {"content-type": "image/jpeg"}
@@ -149,11 +150,7 @@ def packed(folder: Path) -> dict[str, bytes]:
 def job(client: TestClient, answer: Any) -> dict[str, Any]:
     """As it is when it has ended."""
     assert answer.status_code == 202, answer.text
-    until = time.monotonic() + 60
-    while (told := client.get(f"/v1/jobs/{answer.json()['job_id']}").json())["state"] == "running":
-        assert time.monotonic() < until
-        time.sleep(0.05)
-    return told
+    return ended(client, answer.json()["job_id"])
 
 
 def test_labelled_pictures_are_learnt_to_what_the_command_line_makes_of_them(
@@ -214,10 +211,7 @@ def tracked(client: TestClient, name: str) -> Any:
 
 def nothing_tracked(client: TestClient) -> None:
     """Connections that were closed are forgotten soon, not at once."""
-    until = time.monotonic() + 10
-    while [*client.app.state.service.locating.loads()]:  # type: ignore[attr-defined]
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    until(lambda: not [*client.app.state.service.locating.loads()])  # type: ignore[attr-defined]
 
 
 def send(socket: Any, frame: Frame) -> None:
@@ -346,10 +340,7 @@ def test_when_the_process_ends_the_connection_is_closed_and_a_new_one_works(clie
         talk.hear("located")
         os.kill(scorer.pid, signal.SIGKILL)
         assert socket.receive()["code"] == 1012
-    until = time.monotonic() + 30
-    while not client.post(f"/v1/workspaces/{uploaded}/locate", content=jpeg(seen(0, 0)), headers=JPEG).is_success:
-        assert time.monotonic() < until
-        time.sleep(0.1)
+    until(lambda: client.post(f"/v1/workspaces/{uploaded}/locate", content=jpeg(seen(0, 0)), headers=JPEG).is_success)
 
 
 def test_when_the_service_stops_connections_are_closed_and_nothing_new_is_taken(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import re
 import signal
 import subprocess
 import sys
-import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -17,13 +17,14 @@ import pytest
 
 from inspector.client import Client
 from inspector.stores import open_store
+from tests import patience, ports
 from tests.api.stations import PRODUCT, material
 from tests.buckets import REAL, Buckets, credentials
 from tests.postgresql import server as postgresql
 from tests.system import composed
-from tests.system.proxying import Proxy, free_everywhere, proxy
+from tests.system.proxying import Proxy, proxy
+from tests.system.serving import Served, wait_until_ready
 
-PATIENCE = 90.0
 SERVE = [sys.executable, "-c", "from inspector.cli import main; main()"]
 QUICKLY = {"INSPECTOR_SCORERS": "1", "INSPECTOR_LOG_LEVEL": "info", "INSPECTOR_REQUIRE_TOKEN": "true"}
 """What the image sets otherwise: there, all addresses are listened at, and so tokens are asked for."""
@@ -45,15 +46,7 @@ class Node:
             self._process = subprocess.Popen(
                 [*SERVE, "serve"], env=self._environment, stdout=out, stderr=out, start_new_session=True
             )
-        until(self._is_ready, self.log.read_text)
-
-    def _is_ready(self) -> bool:
-        assert self._process is not None
-        assert self._process.poll() is None, self.log.read_text()
-        try:
-            return httpx2.get(f"{self.url}/readyz").status_code == 200
-        except httpx2.TransportError:
-            return False
+        wait_until_ready(Served(self.url, self._process, self.log))
 
     def kill(self) -> None:
         """With SIGKILL, its scorers too: as if the machine was gone."""
@@ -61,11 +54,12 @@ class Node:
         os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
 
-    def stop(self) -> int:
+    def stop(self, meanwhile: Callable[[], object] = lambda: None) -> int:
         """With SIGTERM; the exit code."""
         assert self._process is not None
         self._process.terminate()
-        return self._process.wait(PATIENCE)
+        meanwhile()
+        return self._process.wait(patience.SECONDS)
 
     @contextmanager
     def asleep(self) -> Iterator[None]:
@@ -83,16 +77,10 @@ class Node:
         made.get("/v1/products")
         return self._requests() > before
 
-    def inspections(self) -> float:
-        """How many it has in processing."""
-        return self._counted("inspector_inspections_running")
-
     def _requests(self) -> float:
-        return self._counted("inspector_requests_total", "/v1/products")
-
-    def _counted(self, metric: str, label: str = "") -> float:
-        rows = httpx2.get(f"{self.url}/metrics").text.splitlines()
-        return sum(float(row.split()[-1]) for row in rows if row.startswith(metric) and label in row)
+        rows = patience.get(f"{self.url}/metrics").text.splitlines()
+        asked = [row for row in rows if row.startswith("inspector_requests_total") and "/v1/products" in row]
+        return sum(float(row.split()[-1]) for row in asked)
 
     def end(self) -> None:
         """Whatever state it is in."""
@@ -103,16 +91,17 @@ class Node:
 class Cluster:
     """What is reached at `url`, a product that is learnt, and a token."""
 
-    def __init__(self, url: str, nodes: list[Node], database: str, token: str) -> None:
+    def __init__(self, url: str, nodes: list[Node], database: str, token: str, front: Proxy | None = None) -> None:
         self.url, self.nodes, self.database, self.token = url, nodes, database, token
+        self._front = front
 
     def client(self) -> Client:
         """As a line has one."""
-        return Client(self.url, self.token, timeout=5.0, patience=60.0)
+        return Client(self.url, self.token, timeout=5.0, patience=patience.SECONDS)
 
     def get(self, path: str) -> httpx2.Response:
         """Asked of whoever stands in front."""
-        return httpx2.get(f"{self.url}{path}", headers={"Authorization": f"Bearer {self.token}"}, timeout=PATIENCE)
+        return patience.get(f"{self.url}{path}", headers={"Authorization": f"Bearer {self.token}"})
 
     def owners(self, inspections: set[str]) -> dict[str, str | None]:
         """Which service has each."""
@@ -124,9 +113,14 @@ class Cluster:
         with open_store(self.database) as store:
             return {each for each in inspections if store.inspection(each).takes}
 
+    def taken_for_gone(self) -> Counter[str]:
+        """How often the front took each service for gone, by the names that it gives them."""
+        said = self._front.log.read_text() if self._front is not None else ""
+        return Counter(re.findall(r"Server services/(\S+) is DOWN", said))
+
     def wait_for(self, node: Node) -> None:
         """Return when requests come to that one again."""
-        until(lambda: any(node.is_asked(self) for _ in range(len(self.nodes))), node.log.read_text)
+        patience.until(lambda: any(node.is_asked(self) for _ in range(len(self.nodes))), node.log.read_text)
 
 
 @contextmanager
@@ -141,8 +135,8 @@ def cluster(folder: Path, nodes: int = 2, **settings: str) -> Iterator[Cluster]:
             node.start()
             front.names.addresses.append(front.address(number))
         token = first_token([node.log for node in started])
-        made = Cluster(front.url, started, database, token)
-        until(lambda: made.get("/readyz").status_code == 200, front.log.read_text)
+        made = Cluster(front.url, started, database, token, front)
+        patience.until(lambda: made.get("/readyz").status_code == 200, front.log.read_text)
         teach(made)
         yield made
 
@@ -160,7 +154,7 @@ def shared(folder: Path, front: Proxy | None, settings: dict[str, str]) -> Itera
         environment |= (
             credentials() | QUICKLY | {f"INSPECTOR_{name.upper()}": value for name, value in settings.items()}
         )
-        environment |= {"INSPECTOR_PORT": str(front.port if front else free_everywhere())}
+        environment |= {"INSPECTOR_PORT": str(front.port if front else held.enter_context(ports.held()))}
         yield database, environment
 
 
@@ -171,15 +165,14 @@ def buckets(folder: Path) -> Iterator[Buckets]:
         yield Buckets(REAL)
         return
     pytest.importorskip("moto.server", reason="moto is not installed: pip install 'moto[server]'")
-    port, log = free_everywhere(), folder / "s3.log"
-    with log.open("ab") as out:
+    with ports.held() as port, (folder / "s3.log").open("ab") as out:
         command = [sys.executable, "-m", "moto.server", "--host", "127.0.0.1", "--port", str(port)]
         process = subprocess.Popen(command, stdout=out, stderr=out)
-    try:
-        yield Buckets(f"http://127.0.0.1:{port}")
-    finally:
-        process.terminate()
-        process.wait(PATIENCE)
+        try:
+            yield Buckets(f"http://127.0.0.1:{port}")
+        finally:
+            process.terminate()
+            process.wait(patience.SECONDS)
 
 
 def new_bucket(service: Buckets) -> str:
@@ -193,7 +186,7 @@ def new_bucket(service: Buckets) -> str:
             return False
         return True
 
-    until(answers, lambda: "no bucket")
+    patience.until(answers, lambda: "no bucket")
     return made[0]
 
 
@@ -203,7 +196,7 @@ def first_token(logs: list[Path]) -> str:
     def said() -> list[str]:
         return [token for log in logs for token in re.findall(r"the first token, .*: (\S+)", log.read_text())]
 
-    until(lambda: len(said()) > 0, lambda: "no token was told")
+    patience.until(lambda: len(said()) > 0, lambda: "no token was told")
     assert len(said()) == 1
     return said()[0]
 
@@ -213,11 +206,3 @@ def teach(made: Cluster) -> None:
     with made.client() as client:
         sweep = client.upload_sweep(material() / "golden.mcap", PRODUCT)
         client.make_recipe(PRODUCT, client.learn(PRODUCT, [sweep]))
-
-
-def until(happened: Callable[[], bool], why: Callable[[], str]) -> None:
-    """Wait for what other processes do."""
-    deadline = time.monotonic() + PATIENCE
-    while not happened():
-        assert time.monotonic() < deadline, why()
-        time.sleep(0.05)

@@ -7,6 +7,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -17,14 +18,16 @@ import httpx2
 from inspector.client import Client
 from inspector.recording import SweepReader
 from inspector.replay import replay
+from tests import patience
 from tests.api.stations import BAD, GOOD, PRODUCT, frames, learnt, picture, sweep
 
 OPTIONS = (BAD, GOOD)
 IN_THE_MIDDLE = 10
 """Frames of a part, of about forty."""
+HALF_WAY = 25
+"""Where lines wait at a gate that is closed."""
 EACH_SECONDS = 0.1
 """The pace of a camera that many of can be tried on one machine."""
-PATIENCE = 120.0
 
 
 class Front(Protocol):
@@ -37,6 +40,8 @@ class Front(Protocol):
 
     def get(self, path: str) -> httpx2.Response: ...
 
+    def owners(self, inspections: set[str]) -> dict[str, str | None]: ...
+
 
 @dataclass
 class Part:
@@ -47,6 +52,8 @@ class Part:
     counts: Counter[str] = field(default_factory=Counter[str])
     heard: list[tuple[float, str]] = field(default_factory=list[tuple[float, str]])
     result: dict[str, Any] = field(default_factory=dict[str, Any])
+    half_done: bool = False
+    """Whether it is past the gate: it may end at any time."""
 
     def silence(self, since: float) -> float:
         """Seconds from then until anything was said again."""
@@ -76,11 +83,37 @@ class Part:
 
     def _kept(self, front: Front) -> str | None:
         """What is said of the recording, once it is where all find it."""
-        deadline = time.monotonic() + PATIENCE
-        while (known := front.get(f"/v1/inspections/{self.inspection}").json())["recording"] != "kept":
-            assert time.monotonic() < deadline, known
-            time.sleep(0.1)
+        known: dict[str, Any] = {}
+
+        def kept() -> bool:
+            known.update(front.get(f"/v1/inspections/{self.inspection}").json())
+            return known["recording"] == "kept"
+
+        patience.until(kept, lambda: known)
         return known["recording_note"]
+
+
+class Gate:
+    """Half way through every part, lines wait while it is closed: what is done to services is done in the middle."""
+
+    def __init__(self, *, is_open: bool = False) -> None:
+        self._turn, self._open = threading.Lock(), is_open
+
+    def open(self) -> None:
+        """All go on."""
+        with self._turn:
+            self._open = True
+
+    def close(self) -> None:
+        """From now on. Who is past it is known by then."""
+        with self._turn:
+            self._open = False
+
+    def lets(self, part: Part) -> bool:
+        """Whether it may go on."""
+        with self._turn:
+            part.half_done = self._open
+            return self._open
 
 
 class Line(threading.Thread):
@@ -94,10 +127,12 @@ class Line(threading.Thread):
         way: str = "ws",
         each: float = EACH_SECONDS,
         more: Callable[[], bool] = lambda: False,
+        gate: Gate | None = None,
     ) -> None:
         super().__init__(daemon=True)
         self._front, self._number = front, number
         self._way, self._each, self._more = way, each, more
+        self._gate = gate or Gate(is_open=True)
         self.parts: list[Part] = []
         self.went_wrong: BaseException | None = None
 
@@ -105,6 +140,12 @@ class Line(threading.Thread):
     def now(self) -> Part:
         """Which is under the camera."""
         return self.parts[-1]
+
+    def another(self, number: int) -> Line:
+        """One more that works as this one does."""
+        line = Line(self._front, number, way=self._way, each=self._each, more=self._more, gate=self._gate)
+        line.start()
+        return line
 
     def run(self) -> None:
         try:
@@ -125,7 +166,9 @@ class Line(threading.Thread):
         name = f"{self._number:02}-{len(self.parts):03}"
         with client.begin(PRODUCT, name, transport=self._way, on_message=hear) as inspection:
             part.inspection, part.counts = inspection.inspection_id, inspection.counts
-            for frame in frames(part.options):
+            for number, frame in enumerate(frames(part.options)):
+                while number == HALF_WAY and not self._gate.lets(part):
+                    inspection.wait(EACH_SECONDS)
                 inspection.send(frame)
                 inspection.wait(self._each)
             part.result = inspection.conclude()
@@ -142,19 +185,27 @@ def started(front: Front, count: int, ways: Sequence[str] = ("ws",), **options: 
     return lines
 
 
-def come_to(lines: Sequence[Line], scored: int) -> None:
-    """Return when so many frames of each line's part are scored."""
-    deadline = time.monotonic() + PATIENCE
-    while not all(line.parts and line.now.counts["scored"] >= scored for line in lines):
-        well(lines)
-        assert time.monotonic() < deadline, [line.parts for line in lines]
-        time.sleep(0.02)
+def come_to_the_middle(front: Front, lines: list[Line], services: int = 2) -> None:
+    """Return when all parts are in the middle, where a closed gate keeps them, and every service has some.
+
+    Ids are random: where a service has none, there are more lines.
+    """
+    patience.until(lambda: _in_the_middle(lines), lambda: [line.parts for line in lines])
+    while len({*front.owners({line.now.inspection for line in lines}).values()}) < services:
+        lines.append(lines[0].another(len(lines)))
+        patience.until(lambda: _in_the_middle(lines), lambda: [line.parts for line in lines])
+
+
+def _in_the_middle(lines: Sequence[Line]) -> bool:
+    well(lines)
+    parts = [line.now if line.parts else Part("") for line in lines]
+    return all(part.counts["scored"] >= IN_THE_MIDDLE and not part.half_done for part in parts)
 
 
 def end_well(front: Front, lines: Sequence[Line]) -> None:
     """All of their parts are as they should be."""
     for line in lines:
-        line.join(PATIENCE)
+        line.join(patience.SECONDS)
         assert not line.is_alive(), line.parts
     well(lines)
     for line in lines:
@@ -183,23 +234,30 @@ class Dashboard(threading.Thread):
         self.seen: dict[str, set[str]] = {}
         """Of which inspections, by the kind of event."""
         self.ready = threading.Event()
+        self._closed = threading.Event()
         self.start()
 
     def has(self, kind: str, inspections: set[str]) -> bool:
         """Whether all of these were told of."""
         return self.seen.get(kind, set()) >= inspections
 
+    def close(self) -> None:
+        """Look no more, from the next line on that is told."""
+        self._closed.set()
+
     def run(self) -> None:
-        while True:
-            try:
-                with httpx2.stream("GET", f"{self._url}/v1/events", headers=self._headers, timeout=30) as events:
-                    self._read(events.iter_lines())
-            except httpx2.TransportError:
-                time.sleep(0.2)
+        while not self._closed.wait(0.2):
+            with (
+                suppress(httpx2.TransportError),
+                patience.stream("GET", f"{self._url}/v1/events", headers=self._headers) as events,
+            ):
+                self._read(events.iter_lines())
 
     def _read(self, lines: Iterator[str]) -> None:
         kind = ""
         for line in lines:
+            if self._closed.is_set():
+                return
             name, _, value = line.partition(": ")
             if name == "event":
                 kind = value

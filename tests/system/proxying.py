@@ -6,7 +6,6 @@ import os
 import shutil
 import socket
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -14,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from tests import patience, ports
 from tests.system import composed
 from tests.system.names import Names, names
 
 NEEDED = "INSPECTOR_TESTS_NEED_HAPROXY"
 """Set where tests without HAProxy would prove too little: what would be skipped fails."""
-PATIENCE = 30.0
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,9 @@ def program() -> str:
 @contextmanager
 def proxy(folder: Path) -> Iterator[Proxy]:
     """HAProxy as the compose file runs it, on the file that is in the repository; ended in the end."""
-    haproxy, port, listen = program(), free_everywhere(), free_everywhere()
+    haproxy = program()
     with ExitStack() as held:
+        port, listen = (held.enter_context(ports.held()) for _ in range(2))
         known = held.enter_context(names())
         here = {"inspector:8000": f"inspector:{port}", "127.0.0.11:53": f"127.0.0.1:{known.port}"}
         environment = os.environ | composed.environment("haproxy", here | {":8000": f"127.0.0.1:{listen}"})
@@ -58,23 +58,13 @@ def proxy(folder: Path) -> Iterator[Proxy]:
         out = held.enter_context(log.open("ab"))
         file = composed.mounted("haproxy", "/usr/local/etc/haproxy/haproxy.cfg")
         process = subprocess.Popen([haproxy, "-db", "-f", file], env=environment, stdout=out, stderr=out)
-        held.callback(process.wait, PATIENCE)
+        held.callback(process.wait, patience.SECONDS)
         held.callback(process.terminate)
-        deadline = time.monotonic() + PATIENCE
-        while not _listens(listen):
-            assert process.poll() is None, log.read_text()
-            assert time.monotonic() < deadline, log.read_text()
-            time.sleep(0.02)
+        patience.until(lambda: process.poll() is not None or _listens(listen), log.read_text)
+        assert process.poll() is None, log.read_text()
         yield Proxy(f"http://127.0.0.1:{listen}", known, port, log)
 
 
 def _listens(port: int) -> bool:
     with socket.socket() as tried:
         return tried.connect_ex(("127.0.0.1", port)) == 0
-
-
-def free_everywhere() -> int:
-    """A port that nobody listens at on any address."""
-    with socket.socket() as free:
-        free.bind(("0.0.0.0", 0))
-        return int(free.getsockname()[1])

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-import httpx2
-
+from tests import patience
 from tests.clusters import needs
-from tests.system.clustered import PATIENCE, Cluster, first_token, shared, teach, until
+from tests.system.clustered import Cluster, first_token, shared, teach
+from tests.system.serving import Served, wait_until_ready
 
 OWN = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled", "NO_COLOR": "1", "RAY_COLOR_PREFIX": "0"}
 """Nobody is told of it, nothing is kept for another Ray of this machine."""
@@ -57,17 +57,9 @@ def ray_serve(folder: Path, replicas: int = 2, **settings: str) -> Iterator[tupl
         with log.open("ab") as out:
             command = [sys.executable, "-m", "api.cluster", "--replicas", str(replicas)]
             process = subprocess.Popen(command, env=os.environ | environment, stdout=out, stderr=out)
-        held.callback(process.wait, PATIENCE)
+        held.callback(process.wait, patience.SECONDS)
         held.callback(process.terminate)
-
-        def ready() -> bool:
-            assert process.poll() is None, log.read_text()
-            try:
-                return httpx2.get(f"{url}/readyz").status_code == 200
-            except httpx2.TransportError:
-                return False
-
-        until(ready, log.read_text)
+        wait_until_ready(Served(url, process, log))
         made = Cluster(url, [], database, first_token([log]))
         teach(made)
         yield made, RayServe(process)

@@ -6,8 +6,9 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tests.system.clustered import Cluster, until
-from tests.system.lines import EACH_SECONDS, IN_THE_MIDDLE, Dashboard, come_to, end_well, started
+from tests import patience
+from tests.system.clustered import Cluster
+from tests.system.lines import EACH_SECONDS, Dashboard, Gate, come_to_the_middle, end_well, started
 
 STREAMS, TOLD_SECONDS = 16, 5.0
 
@@ -25,30 +26,34 @@ def round_with_a_death(
     """Of two services one is killed while both have streams; these. Every dashboard has seen all of them begin.
 
     Its streams go on within `told_seconds`; those of the other lose no frame, and do not move, unless the dead one is
-    `replaced` meanwhile by one that some are handed to; all come out as their recordings do, and what was concluded
-    before is there. `each`: seconds of a frame.
+    `replaced` meanwhile by one that some are handed to, or the front took both for gone; all come out as their
+    recordings do, and what was concluded before is there. `each`: seconds of a frame. `told_seconds` are of a machine
+    that has a processor for whoever wants one.
     """
     before = started(made, 4, each=0.0)
     end_well(made, before)
-    assert all(board.ready.wait(30) for board in boards)
-    lines = started(made, STREAMS, ("ws", "rest"), each=each)
-    come_to(lines, IN_THE_MIDDLE)
+    patience.until(lambda: all(board.ready.is_set() for board in boards))
+    gate = Gate()
+    lines = started(made, STREAMS, ("ws", "rest"), each=each, gate=gate)
+    come_to_the_middle(made, lines)
     parts = [line.now for line in lines]
     inspections = {part.inspection for part in parts}
-    until(lambda: all(board.has("begun", inspections) for board in boards), lambda: str([b.seen for b in boards]))
-    owners = made.owners(inspections)
+    patience.until(
+        lambda: all(board.has("begun", inspections) for board in boards), lambda: str([b.seen for b in boards])
+    )
+    owners, taken_for_gone = made.owners(inspections), made.taken_for_gone()
     killed = time.monotonic()
     kill()
-    fed = {part.inspection for part in parts if not part.result}
-    assert fed == inspections, "the machine was too slow: parts were done before the service was killed"
+    gate.open()
     end_well(made, lines)
+    exactly = not replaced and len(made.taken_for_gone() - taken_for_gone) < 2
     moved = made.moved(inspections)
     of_each = [{each for each in owners if owners[each] == owner} for owner in {*owners.values()}]
     assert len(of_each) == 2
-    assert any(of_one <= moved if replaced else of_one == moved for of_one in of_each)
+    assert any(of_one == moved if exactly else of_one <= moved for of_one in of_each)
     silences = {part.inspection: part.silence(killed) for part in parts}
     print(f"{len(moved)} of {len(parts)} moved; first words after {max(silences[each] for each in moved):.2f} s")
-    assert max(silences.values()) < told_seconds
+    assert max(silences.values()) < told_seconds * patience.crowded()
     for part in parts:
         part.check_recording(made, folder, lost=part.inspection in moved)
     end_well(made, before)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
-import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import httpx2
 
-PATIENCE = 60.0
+from tests import patience, ports
+
 PROGRAM = "from inspector.cli import main; main()"
 
 
@@ -27,22 +26,17 @@ class Served:
     log: Path
 
 
-def free_port() -> int:
-    """A port that nobody listens at just now."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
-
-
 @contextmanager
 def serve(
     data: Path, *options: str, port: int | None = None, program: str = PROGRAM, **settings: str
 ) -> Generator[Served]:
     """The service on that folder, ready; ended in the end, in whatever state it is. Leads a process group."""
-    port, log = port or free_port(), data.with_name(f"{data.name}.log")
     command = [sys.executable, "-c", program, "serve", "--data", str(data)]
     environment = os.environ | {f"INSPECTOR_{name.upper()}": value for name, value in settings.items()}
-    with log.open("ab") as out:
+    with ExitStack() as held:
+        port = port or held.enter_context(ports.held())
+        log = data.with_name(f"{data.name}.log")
+        out = held.enter_context(log.open("ab"))
         process = subprocess.Popen(
             [*command, "--port", str(port), *options],
             env=environment,
@@ -50,24 +44,21 @@ def serve(
             stderr=out,
             start_new_session=True,
         )
-    served = Served(f"http://127.0.0.1:{port}", process, log)
-    try:
+        held.callback(process.wait, patience.SECONDS)
+        held.callback(process.terminate)
+        served = Served(f"http://127.0.0.1:{port}", process, log)
         wait_until_ready(served)
         yield served
-    finally:
-        process.terminate()
-        process.wait(PATIENCE)
 
 
 def wait_until_ready(served: Served) -> None:
     """Return when it answers that it is; fail with its log when it has ended."""
-    deadline = time.monotonic() + PATIENCE
-    while True:
-        try:
-            if httpx2.get(f"{served.url}/readyz").status_code == 200:
-                return
-        except httpx2.TransportError:
-            pass
+
+    def is_ready() -> bool:
         assert served.process.poll() is None, served.log.read_text()
-        assert time.monotonic() < deadline, served.log.read_text()
-        time.sleep(0.05)
+        try:
+            return patience.get(f"{served.url}/readyz").status_code == 200
+        except httpx2.TransportError:
+            return False
+
+    patience.until(is_ready, served.log.read_text)

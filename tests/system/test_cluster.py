@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 from threading import Event
 from urllib.parse import parse_qs, urlsplit
@@ -12,9 +13,10 @@ import pytest
 
 from inspector.service.heart import DEAD_SECONDS
 from inspector.stores import open_store
+from tests.patience import until
 from tests.postgresql import Server
-from tests.system.clustered import Cluster, Node, cluster, until
-from tests.system.lines import IN_THE_MIDDLE, Dashboard, come_to, end_well, started
+from tests.system.clustered import Cluster, cluster
+from tests.system.lines import Dashboard, Gate, come_to_the_middle, end_well, started
 from tests.system.rounds import round_with_a_death
 
 
@@ -27,22 +29,24 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 def test_one_is_killed_and_every_line_goes_on_and_a_dashboard_on_either_sees_both(
     made: Cluster, tmp_path: Path
 ) -> None:
-    boards = [Dashboard(node.url, made.token) for node in made.nodes]
-    try:
-        inspections = round_with_a_death(made, boards, made.nodes[0].kill, tmp_path)
-    finally:
-        made.nodes[0].end()
-        made.nodes[0].start()
-        made.wait_for(made.nodes[0])
-    until(lambda: boards[1].has("verdict", inspections), lambda: str(boards[1].seen))
+    with ExitStack() as held:
+        boards = [held.enter_context(closing(Dashboard(node.url, made.token))) for node in made.nodes]
+        try:
+            inspections = round_with_a_death(made, boards, made.nodes[0].kill, tmp_path)
+        finally:
+            made.nodes[0].end()
+            made.nodes[0].start()
+            made.wait_for(made.nodes[0])
+        until(lambda: boards[1].has("verdict", inspections), lambda: str(boards[1].seen))
 
 
 def test_all_are_restarted_one_after_the_other_and_nothing_is_lost(made: Cluster, tmp_path: Path) -> None:
-    done = Event()
-    lines = started(made, 8, ("ws", "rest"), more=lambda: not done.is_set())
+    done, gate = Event(), Gate()
+    lines = started(made, 8, ("ws", "rest"), more=lambda: not done.is_set(), gate=gate)
     for node in made.nodes:
-        come_to(lines, IN_THE_MIDDLE)
-        assert node.stop() == 0, node.log.read_text()
+        gate.close()
+        come_to_the_middle(made, lines)
+        assert node.stop(meanwhile=gate.open) == 0, node.log.read_text()
         node.start()
         made.wait_for(node)
     done.set()
@@ -55,29 +59,31 @@ def test_all_are_restarted_one_after_the_other_and_nothing_is_lost(made: Cluster
 
 
 def test_one_that_hangs_is_left_and_changes_nothing_when_it_wakes_up(made: Cluster) -> None:
-    lines = started(made, 6, ("ws", "rest"))
-    come_to(lines, IN_THE_MIDDLE)
+    gate = Gate()
+    lines = started(made, 6, ("ws", "rest"), gate=gate)
+    come_to_the_middle(made, lines)
     parts = {line.now.inspection for line in lines}
-    # Ids are random: now and then, one of two services has none of six.
-    busy = max(made.nodes, key=Node.inspections)
-    with busy.asleep():
+    with made.nodes[0].asleep():
+        gate.open()
         end_well(made, lines)
         assert made.moved(parts)
-    made.wait_for(busy)
+    made.wait_for(made.nodes[0])
     end_well(made, lines)
     end_well(made, started(made, 6, each=0.0))
 
 
 def test_the_database_is_killed_and_comes_back_and_nothing_is_lost(made: Cluster) -> None:
     postgresql = Server(Path(parse_qs(urlsplit(made.database).query)["host"][0]))
-    lines = started(made, 6, ("ws", "rest"))
-    come_to(lines, IN_THE_MIDDLE)
+    gate = Gate()
+    lines = started(made, 6, ("ws", "rest"), gate=gate)
+    come_to_the_middle(made, lines)
     postgresql.kill()
     try:
+        gate.open()
         # Longer than a service may be silent: nobody takes the others for gone.
         time.sleep(DEAD_SECONDS + 1)
     finally:
         postgresql.start()
     end_well(made, lines)
     with open_store(made.database) as store:
-        assert len(store.nodes()) == len(made.nodes)
+        until(lambda: len(store.nodes()) == len(made.nodes), lambda: str(store.nodes()))

@@ -5,23 +5,23 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from hashlib import md5
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import httpx2
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from tests import patience
 from tests.system.proxying import Proxy, proxy
 
-IDS = [uuid4().hex for _ in range(24)]
+IDS = [md5(b"%d" % number).hexdigest() for number in range(24)]
+"""The same in every run: each of three services gets some."""
 PICTURE = bytes(200_000)
-PATIENCE = 30.0
 
 
 class Line:
@@ -31,7 +31,7 @@ class Line:
         self.front, self._held = front, held
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         each_anew = httpx2.Limits(max_keepalive_connections=0)
-        self._http = held.enter_context(httpx2.Client(base_url=front.url, timeout=PATIENCE, limits=each_anew))
+        self._http = held.enter_context(httpx2.Client(base_url=front.url, timeout=patience.SECONDS, limits=each_anew))
 
     def start(self, number: int) -> str:
         """One more, of that address, which the name server knows from now on; returns when requests come to it."""
@@ -68,13 +68,12 @@ class Line:
 
     def stream(self, inspection: str) -> Any:
         """A WebSocket."""
-        return connect(f"{self.front.url.replace('http', 'ws')}/v1/inspections/{inspection}/stream", proxy=None)
+        url = f"{self.front.url.replace('http', 'ws')}/v1/inspections/{inspection}/stream"
+        return connect(url, proxy=None, open_timeout=patience.SECONDS)
 
     def until(self, happened: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not happened():
-            assert time.monotonic() < deadline, self.front.log.read_text()
-            time.sleep(0.05)
+        """Wait for it."""
+        patience.until(happened, self.front.log.read_text)
 
 
 @contextmanager
@@ -137,7 +136,7 @@ def test_a_killed_services_streams_break_at_once_and_go_on_elsewhere_the_others_
         assert (broken.recv(), whole.recv()) == (gone, stays)
         two.kill(gone)
         with pytest.raises(ConnectionClosed):
-            broken.recv(5)
+            broken.recv(patience.SECONDS)
         with two.stream(mine) as again:
             assert again.recv() == stays
         whole.send(b"still here")
@@ -149,7 +148,7 @@ def test_who_is_not_ready_gets_nothing_new_and_keeps_its_streams(two: Line) -> N
     mine = next(id for id, node in two.places().items() if node == tired)
     with two.stream(mine) as stream:
         stream.recv()
-        httpx2.post(f"http://{tired}:{two.front.port}/ready/false").raise_for_status()
+        patience.post(f"http://{tired}:{two.front.port}/ready/false").raise_for_status()
         two.until(lambda: {*two.places().values()} == {fresh})
         stream.send(b"still here")
         assert stream.recv() == b"still here"

@@ -7,7 +7,6 @@ import os
 import shlex
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tomllib
@@ -61,12 +60,10 @@ def test_the_walk_runs_as_it_is_written(
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="the README asks with curl")
-def test_the_round_with_the_service_runs_as_it_is_written(tmp_path: Path) -> None:
+def test_the_round_with_the_service_runs_as_it_is_written(tmp_path: Path, port: int) -> None:
     for name, options in (("golden-1", "unit=1&seed=11"), ("golden-2", "unit=2&seed=12&place=1,-1,0.1")):
         recorded(tmp_path / f"{name}.mcap", options)
     recorded(tmp_path / "part-0007.mcap", SPOT)
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
     script = "\n".join(blocks(SERVICE))
     assert script.count(":8000") == 1
     process = subprocess.Popen(
@@ -79,7 +76,7 @@ def test_the_round_with_the_service_runs_as_it_is_written(tmp_path: Path) -> Non
         start_new_session=True,
     )
     try:
-        out, err = process.communicate(timeout=120)
+        out, err = process.communicate(timeout=600)
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)

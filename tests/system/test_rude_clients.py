@@ -12,6 +12,7 @@ import httpx2
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
+from tests import patience
 from tests.api.stations import GOOD, PRODUCT, frames, picture, sent, taught
 from tests.system.serving import Served, serve
 
@@ -24,7 +25,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 @pytest.fixture
 def client(served: Served) -> Iterator[httpx2.Client]:
-    with httpx2.Client(base_url=served.url, timeout=30) as client:
+    with httpx2.Client(base_url=served.url, timeout=patience.SECONDS) as client:
         yield client
 
 
@@ -85,6 +86,13 @@ def test_who_listens_to_events_and_never_reads(served: Served, client: httpx2.Cl
         assert client.get("/v1/events").status_code == 503
         result = inspected(served, client, "decent")
     assert (result["verdict"], result["frames_dropped"]) == ("OK", 0)
+    patience.until(lambda: has_room(client))
+
+
+def has_room(client: httpx2.Client) -> bool:
+    """Whether somebody may listen to events."""
+    with client.stream("GET", "/v1/events") as answer:
+        return answer.status_code == 200
 
 
 def told(answer: httpx2.Response) -> Iterator[tuple[int, str, dict[str, Any]]]:

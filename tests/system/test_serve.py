@@ -10,15 +10,14 @@ import socket
 import ssl
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from collections.abc import Generator
+from contextlib import closing, contextmanager, suppress
 from http.client import HTTPConnection
 from pathlib import Path
 
-import httpx2
 import pytest
 
+from tests import patience
 from tests.api.stations import material
 
 COMMAND = [sys.executable, "-c", "from inspector.cli import main; main()", "serve"]
@@ -34,7 +33,7 @@ class Server:
     def end(self, number: int = signal.SIGTERM) -> tuple[int, str]:
         """Exit code, and what it logged."""
         self.process.send_signal(number)
-        _, err = self.process.communicate(timeout=60)
+        _, err = self.process.communicate(timeout=600)
         return self.process.returncode, err
 
 
@@ -59,18 +58,9 @@ def running(data: Path, *options: str, **environment: str) -> Generator[Server]:
         process.communicate()
 
 
-def until(happened: Callable[[], bool]) -> None:
-    """Wait for what another process does."""
-    for _ in range(1000):
-        if happened():
-            return
-        threading.Event().wait(0.03)
-    raise AssertionError("it did not happen")
-
-
 def refused(*arguments: str) -> str:
     """The one line of a service that cannot be."""
-    done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=600, check=False)
     assert (done.returncode, done.stdout) == (1, ""), done
     (line,) = done.stderr.splitlines()
     return line
@@ -88,8 +78,8 @@ def server(data: Path) -> Generator[Server]:
 
 
 def test_it_is_up_after_one_line(server: Server) -> None:
-    assert httpx2.get(f"{server.url}/readyz").json() == {"state": "ready", "reasons": []}
-    assert "Sweep Inspector" in httpx2.get(f"{server.url}/docs").text
+    assert patience.get(f"{server.url}/readyz").json() == {"state": "ready", "reasons": []}
+    assert "Sweep Inspector" in patience.get(f"{server.url}/docs").text
 
 
 def test_a_second_service_on_the_folder_says_so_in_a_line(server: Server, data: Path) -> None:
@@ -119,39 +109,37 @@ def test_an_upload_that_breaks_off_leaves_nothing(server: Server, data: Path) ->
     with socket.create_connection(("127.0.0.1", server.port)) as line:
         head = "POST /v1/products/p/sweeps HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/octet-stream\r\n"
         line.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body[:-9])
-        until(lambda: any((data / "incoming").iterdir()))
-    until(lambda: not any((data / "incoming").iterdir()))
-    assert httpx2.get(f"{server.url}/v1/products").json()["items"] == []
+        patience.until(lambda: any((data / "incoming").iterdir()))
+    patience.until(lambda: not any((data / "incoming").iterdir()))
+    assert patience.get(f"{server.url}/v1/products").json()["items"] == []
 
 
 def test_a_body_that_is_too_large_is_answered_at_once_and_not_read(server: Server) -> None:
-    line = HTTPConnection("127.0.0.1", server.port, timeout=30)
-    line.putrequest("POST", "/v1/products/p/sweeps")
-    line.putheader("Content-Length", str(4 << 30))
-    line.putheader("Content-Type", "application/octet-stream")
-    line.endheaders(b"\x89MCAP0\r\n")
-    answer = line.getresponse()
-    assert (answer.status, answer.getheader("connection")) == (413, "close")
-    assert "allowed are 2000000 bytes" in json.loads(answer.read())["detail"]
-    line.close()
+    with closing(HTTPConnection("127.0.0.1", server.port, timeout=120)) as line:
+        line.putrequest("POST", "/v1/products/p/sweeps")
+        line.putheader("Content-Length", str(4 << 30))
+        line.putheader("Content-Type", "application/octet-stream")
+        line.endheaders(b"\x89MCAP0\r\n")
+        answer = line.getresponse()
+        assert (answer.status, answer.getheader("connection")) == (413, "close")
+        assert "allowed are 2000000 bytes" in json.loads(answer.read())["detail"]
 
 
 def test_what_is_no_recording_is_refused_after_its_first_bytes(server: Server) -> None:
-    line = HTTPConnection("127.0.0.1", server.port, timeout=30)
-    line.putrequest("POST", "/v1/products/p/sweeps")
-    line.putheader("Transfer-Encoding", "chunked")
-    line.endheaders()
-    with suppress(ConnectionError):
-        # Refused while this is on its way.
-        for _ in range(2):
-            line.send(b"80000\r\n" + bytes(0x80000) + b"\r\n")
-    answer = line.getresponse()
-    assert (answer.status, answer.getheader("connection")) == (422, "close")
-    line.close()
+    with closing(HTTPConnection("127.0.0.1", server.port, timeout=120)) as line:
+        line.putrequest("POST", "/v1/products/p/sweeps")
+        line.putheader("Transfer-Encoding", "chunked")
+        line.endheaders()
+        with suppress(ConnectionError):
+            # Refused while this is on its way.
+            for _ in range(2):
+                line.send(b"80000\r\n" + bytes(0x80000) + b"\r\n")
+        answer = line.getresponse()
+        assert (answer.status, answer.getheader("connection")) == (422, "close")
 
 
 def test_listeners_do_not_hold_up_the_end_and_nothing_is_logged_but_that(server: Server) -> None:
-    with httpx2.stream("GET", f"{server.url}/v1/events", timeout=30) as events:
+    with patience.stream("GET", f"{server.url}/v1/events") as events:
         lines = events.iter_lines()
         next(lines)
         code, err = server.end(signal.SIGINT)
@@ -166,14 +154,14 @@ def test_off_loopback_a_token_is_needed_and_the_first_is_told_once(tmp_path: Pat
         told = server.process.stdout.readline()
         assert told.startswith("the first token, of an admin; it is told this once: ")
         admin = {"authorization": f"Bearer {told.split()[-1]}"}
-        nobody = httpx2.get(f"{server.url}/v1/products")
+        nobody = patience.get(f"{server.url}/v1/products")
         assert (nobody.status_code, nobody.headers["www-authenticate"]) == (401, "Bearer")
-        assert httpx2.get(f"{server.url}/v1/products", headers=admin).status_code == 200
+        assert patience.get(f"{server.url}/v1/products", headers=admin).status_code == 200
         assert server.end()[0] == 0
     database = (tmp_path / "data" / "service.sqlite").read_bytes()
     assert told.split()[-1].encode() not in database
     with running(tmp_path / "data", "--require-token") as server:
-        assert httpx2.get(f"{server.url}/v1/products", headers=admin).status_code == 200
+        assert patience.get(f"{server.url}/v1/products", headers=admin).status_code == 200
         server.process.send_signal(signal.SIGTERM)
         assert server.process.communicate()[0] == ""
 
@@ -183,12 +171,12 @@ def test_a_job_that_is_cut_off_has_failed_whether_by_an_end_or_by_a_kill(tmp_pat
 
     def begin(server: Server) -> str:
         asked = {"camera": "top", "frames": 19_000}
-        job = httpx2.post(f"{server.url}/v1/products/p/sweeps", json=asked).json()["job_id"]
-        until(lambda: httpx2.get(f"{server.url}/v1/jobs/{job}").json()["progress"] > 0)
+        job = patience.post(f"{server.url}/v1/products/p/sweeps", json=asked).json()["job_id"]
+        patience.until(lambda: patience.get(f"{server.url}/v1/jobs/{job}").json()["progress"] > 0)
         return job
 
     def failed(server: Server, job: str) -> str:
-        told = httpx2.get(f"{server.url}/v1/jobs/{job}").json()
+        told = patience.get(f"{server.url}/v1/jobs/{job}").json()
         assert told["state"] == "failed"
         return told["error"]
 
@@ -216,5 +204,5 @@ def test_it_speaks_https(tmp_path: Path) -> None:
     options = ["--tls-cert", str(tmp_path / "cert.pem"), "--tls-key", str(tmp_path / "key.pem")]
     with running(tmp_path / "data", *options) as server:
         trusted = ssl.create_default_context(cafile=str(tmp_path / "cert.pem"))
-        assert httpx2.get(f"{server.url}/livez", verify=trusted).json()["state"] == "alive"
+        assert patience.get(f"{server.url}/livez", verify=trusted).json()["state"] == "alive"
         assert server.url.startswith("https://")

@@ -6,15 +6,15 @@ import json
 from pathlib import Path
 from typing import Any
 
-import httpx2
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from inspector.recording import SweepReader
+from tests import patience
 from tests.api.stations import PRODUCT, frames, sent, taught
+from tests.patience import until
 from tests.postgresql import server
-from tests.system.clustered import until
 from tests.system.serving import PROGRAM, serve
 
 
@@ -27,7 +27,7 @@ def test_what_is_in_flight_is_scored_files_are_closed_and_the_rest_is_aborted_an
     said: list[dict[str, Any]] = []
     with serve(data) as served:
         asked = {"product_id": PRODUCT, "part_id": "half"}
-        inspection = httpx2.post(f"{served.url}/v1/inspections", json=asked).json()["inspection_id"]
+        inspection = patience.post(f"{served.url}/v1/inspections", json=asked).json()["inspection_id"]
         with connect(f"{served.url.replace('http', 'ws')}/v1/inspections/{inspection}/stream") as stream:
             for frame in frames()[:20]:
                 stream.send(sent(frame))
@@ -36,7 +36,7 @@ def test_what_is_in_flight_is_scored_files_are_closed_and_the_rest_is_aborted_an
             served.process.terminate()
             with pytest.raises(ConnectionClosed) as closed:
                 said += map(json.loads, iter(stream.recv, None))
-        assert served.process.wait(60) == 0
+        assert served.process.wait(patience.SECONDS) == 0
     scored = [each["sequence"] for each in said if each["kind"] == "scored"]
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 1012
@@ -50,7 +50,7 @@ def test_what_is_in_flight_is_scored_files_are_closed_and_the_rest_is_aborted_an
     assert [frame.sequence for frame in recording] == scored
     assert recording.losses == ()
     with serve(data) as served:
-        known = httpx2.get(f"{served.url}/v1/inspections/{inspection}/result").json()
+        known = patience.get(f"{served.url}/v1/inspections/{inspection}/result").json()
     assert known == result
 
 

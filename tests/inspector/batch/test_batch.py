@@ -30,6 +30,7 @@ from tests.buckets import Buckets
 from tests.clusters import ENGINES, needs
 from tests.inspector.conftest import Line
 from tests.inspector.line import cut
+from tests.patience import until
 
 WHOLE = ("a/good", "a/good-again", "b/spot")
 CORRUPT = "b/corrupt"
@@ -254,14 +255,6 @@ def test_ctrl_c_is_for_who_started_the_workers():
             assert sorted(workers.each(interrupted, [1, 2, 3])) == [1, 2, 3]
         except KeyboardInterrupt:
             pytest.fail("a worker was interrupted")
-
-
-def until(true: Callable[[], bool]) -> None:
-    for _ in range(1200):
-        if true():
-            return
-        threading.Event().wait(0.05)
-    raise AssertionError("it does not come true")
 
 
 def runs(pid: int) -> bool:

@@ -23,10 +23,11 @@ from inspector.scorers.pool import Pool
 from inspector.scorers.wire import Head
 from models.appearance import Appearance
 from models.frame import Frame
+from tests.patience import SECONDS
 
 LINE = "simulated:?frames=40&size=240x180&part=plate&path=line"
 MAX_PIXELS = 320 * 240
-PATIENCE = 60
+PATIENCE = SECONDS
 REST = module._REST_SECONDS
 
 

@@ -18,6 +18,7 @@ from inspector.service.tasks import rejudged
 from models.verdict import Policy
 from tests.inspector.conftest import Line
 from tests.inspector.line import url
+from tests.patience import SECONDS
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def test_closing_cuts_off_what_is_done_and_refuses_more(tmp_path: Path) -> None:
 
     thread = threading.Thread(target=work)
     thread.start()
-    assert begun.wait(30)
+    assert begun.wait(SECONDS)
     desk.close()
     thread.join()
     assert ended == ["the service was stopped before this was done"]

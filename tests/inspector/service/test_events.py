@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from inspector.service.events import EVERY, Event, Events, TooManyListeners
+from tests.patience import SECONDS
 
 
 async def take(events: Events, last_id: str | None, count: int) -> list[Event]:
@@ -24,7 +25,7 @@ async def take(events: Events, last_id: str | None, count: int) -> list[Event]:
 
 
 def run(work: Any) -> Any:
-    return asyncio.run(asyncio.wait_for(work, 20))
+    return asyncio.run(asyncio.wait_for(work, SECONDS))
 
 
 @given(st.integers(0, 30), st.integers(1, 30))
@@ -119,15 +120,19 @@ def test_pictures_are_told_to_who_asked_for_them_and_only_the_latest(asked: str 
                 async for batch in events.since(None, asked):
                     heard.extend(batch)
 
+        async def until(kind: str, count: int) -> None:
+            while [each.kind for each in heard].count(kind) < count:
+                await asyncio.sleep(0)
+
         listening = asyncio.create_task(listen())
         await asyncio.sleep(0)
         watching = events.watching("b")
         for inspection, data in (("a", "a1"), ("a", "a2"), ("gone", "g1"), ("b", "b1")):
             events.show(inspection, data)
         events.forget("gone")
-        await asyncio.sleep(0.01)
+        await until("picture", len(told))
         events.publish("it")
-        await asyncio.sleep(0.01)
+        await until("it", 1)
         events.close()
         await listening
         return heard, watching

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import os
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -30,6 +29,7 @@ from inspector.stores.records import StoredAppearance
 from models.frame import Frame
 from tests.buckets import Buckets
 from tests.inspector.recordings import frame, same
+from tests.patience import until
 
 A = "0123456789abcdef" * 2
 WEEK_NS = 7 * 86_400_000_000_000
@@ -216,10 +216,7 @@ class Station:
 
     def when_kept(self, id: str) -> tuple[str, int, str | None]:
         """As it is when it is kept."""
-        for _ in range(1000):
-            if self.state(id)[0] == "kept":
-                break
-            threading.Event().wait(0.01)
+        until(lambda: self.state(id)[0] == "kept")
         return self.state(id)
 
 
@@ -269,8 +266,8 @@ def test_what_cannot_be_published_waits_is_told_and_goes_when_it_can(
     for id, path in made:
         station.end(id)
         station.publishing.keep(id, path, None)
-    while station.publishing.trouble is None:
-        threading.Event().wait(0.01)
+    until(lambda: station.publishing.trouble is not None)
+    assert station.publishing.trouble is not None
     assert station.publishing.trouble.endswith("there is no such bucket; make it, or name another")
     assert [station.state(id)[0] for id, _ in made] == ["being written"] * 3
     assert station.metrics.exposition().count(b"inspector_recordings_unpublished 3.0") == 1

@@ -22,6 +22,7 @@ from inspector.settings import Settings
 from inspector.stores import AbstractStore, open_store
 from inspector.stores.records import StoredAppearance, StoredRecording
 from tests.buckets import Buckets
+from tests.patience import SECONDS
 
 NOW = 1_000 * DAY_NS
 OK = StoredRecording("i", 1, "plate", "completed", "OK", "live", NOW, 1, 100)
@@ -223,7 +224,7 @@ def test_a_service_removes_what_is_due(tmp_path: Path) -> None:
         service = Service(settings)
         await service.start()
         try:
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(SECONDS):
                 while service.store.inspection(old).scores == "kept":
                     await asyncio.sleep(0.01)
             found = [service.store.inspection(each) for each in (old, young)]

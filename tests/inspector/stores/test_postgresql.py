@@ -26,6 +26,7 @@ from tests.contracts.stores import (
     process,
     recipe,
 )
+from tests.patience import SECONDS, until
 from tests.postgresql import Server
 
 HAS_A_TURN = """
@@ -137,7 +138,7 @@ def test_what_is_told_is_heard_by_all_or_by_those_named(postgresql: Server) -> N
             last = [b"to both" * 2000, b"the end"]
             for name, own in (("n1", [b"to one"]), ("n2", [])):
                 expected = [*bodies, *own, *last]
-                assert [heard[name].get(timeout=10) for _ in expected] == expected
+                assert [heard[name].get(timeout=SECONDS) for _ in expected] == expected
         one.tell(b"too late")
         assert heard["n1"].empty()
         assert counted(one, "told") == 5
@@ -151,11 +152,11 @@ def test_who_hears_is_told_that_something_may_be_missing(postgresql: Server) -> 
     heard: Queue[bytes | None] = Queue()
     with open_store(postgresql.new_database()) as store, store.listen("n1", heard.put):
         store.tell(b"before")
-        assert heard.get(timeout=10) == b"before"
+        assert heard.get(timeout=SECONDS) == b"before"
         terminate(postgresql)
-        assert heard.get(timeout=10) is None
+        assert heard.get(timeout=SECONDS) is None
         store.tell(b"after")
-        assert heard.get(timeout=10) == b"after"
+        assert heard.get(timeout=SECONDS) == b"after"
 
 
 def test_a_turn_goes_with_the_process_that_has_it(postgresql: Server) -> None:
@@ -167,12 +168,13 @@ def test_a_turn_goes_with_the_process_that_has_it(postgresql: Server) -> None:
             assert not mine
         holder.kill()
         holder.wait()
-        for _ in range(1000):
-            # The server sees a moment later that nobody is there any more.
+
+        def is_free() -> bool:
             with store.only_one("tidy") as mine:
-                if mine:
-                    return
-    raise AssertionError("the lock of a process that is gone is still held")
+                return mine
+
+        # The server sees a moment later that nobody is there any more.
+        until(is_free)
 
 
 def test_a_checkpoint_is_saved_before_an_inspection_is_taken_or_not_at_all(postgresql: Server) -> None:
