@@ -18,6 +18,7 @@ import pytest
 
 from inspector.client import Client
 from models.frame import Frame
+from tests import patience, ports
 from tests.api.stations import PART, PRODUCT, frames, taught
 from tests.system.serving import serve
 
@@ -36,7 +37,7 @@ FLAGS = [
 ]
 NEXT_FRAMES = "() => new Promise(done => requestAnimationFrame(() => setTimeout(done, 60)))"
 TEXTS = "selector => [...document.querySelectorAll(selector)].map(each => each.innerText)"
-PATIENCE_MS = 20_000
+PATIENCE_MS = 1000 * patience.SECONDS
 SIZE = {"width": 1280, "height": 720}
 
 
@@ -61,12 +62,17 @@ class Station:
 
     def __init__(self, data: Path, **settings: str) -> None:
         self.data, self._settings = data, {"scorers": "1"} | settings
-        self._running = ExitStack()
-        self.served = self._running.enter_context(serve(data, **self._settings))
-        self.url = self.served.url
+        self._port, self._running = ExitStack(), ExitStack()
+        port = self._port.enter_context(ports.held())
+        self.url = f"http://127.0.0.1:{port}"
+        self._start()
+
+    def _start(self) -> None:
+        self._running.enter_context(serve(self.data, port=urlsplit(self.url).port, **self._settings))
 
     def close(self) -> None:
         self._running.close()
+        self._port.close()
 
     def client(self) -> Client:
         return Client(self.url)
@@ -93,12 +99,11 @@ class Station:
     @contextmanager
     def away(self) -> Iterator[None]:
         """While this lasts the service is not there; after it, it is again, at the same port."""
-        port = urlsplit(self.url).port
         self._running.close()
         try:
             yield
         finally:
-            self.served = self._running.enter_context(serve(self.data, port=port, **self._settings))
+            self._start()
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +141,12 @@ class Seen:
         between is not laid out any more, and has no line breaks.
         """
         return self.page.evaluate(TEXTS, selector)
+
+    def line(self) -> Page:
+        """The line view, from when on it hears of all that happens."""
+        page = self.open(wait="#station[data-state=ready]")
+        page.wait_for_selector(".view.line .strip", state="attached")
+        return page
 
     def shot(self, name: str, *, full: bool = False) -> None:
         """A picture of it, where pictures are wanted."""

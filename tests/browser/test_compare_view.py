@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import httpx2
 import pytest
 
+from tests import patience
 from tests.api.stations import BAD, GOOD, PRODUCT, frames, material, remove_scores, sweep
 from tests.browser.conftest import Seen, Station
 
@@ -89,7 +89,7 @@ def test_another_sweep_is_chosen_from_the_product(seen: Seen, bad: dict[str, Any
 
 def test_a_golden_sweep_is_replayed_for_it(seen: Seen, station: Station, bad: dict[str, Any]) -> None:
     golden = (material() / "golden.mcap").read_bytes()
-    kept = httpx2.post(f"{station.url}/v1/products/{PRODUCT}/sweeps", content=golden, headers=MCAP).json()
+    kept = patience.post(f"{station.url}/v1/products/{PRODUCT}/sweeps", content=golden, headers=MCAP).json()
     page = seen.open(f"#/compare/{bad['inspection_id']}", wait="dialog.picker tbody tr")
     page.click("text=Sweeps that are kept")
     page.click(f"dialog.picker tbody >> text={kept['sweep_id'][:8]}")
@@ -135,7 +135,7 @@ def test_another_appearance_is_warned_of(seen: Seen, station: Station, bad: dict
         sweep_id = client.upload_sweep(sweep(GOOD), PRODUCT)
         recipe_id = client.make_recipe(PRODUCT, client.learn(PRODUCT, [sweep_id]))
     asked = {"inspection_id": bad["inspection_id"], "recipe_id": recipe_id}
-    again = httpx2.post(f"{station.url}/v1/replays", json=asked, timeout=60).json()
+    again = patience.post(f"{station.url}/v1/replays", json=asked).json()
     page = seen.open(f"#/compare/{bad['inspection_id']}/{again['inspection_id']}", wait=".panes[data-frame]")
     assert "different appearances" in page.locator(".warning").inner_text()
     assert "different pictures of the part" in page.locator(".pane.difference").inner_text()

@@ -14,7 +14,7 @@ from inspector.cameras.simulated.camera import SimulatedCamera
 from inspector.cameras.simulated.truth import FrameTruth
 from inspector.recording import SweepReader
 from tests.api.stations import BAD, GOOD, LINE, PRODUCT, frames, remove_scores
-from tests.browser.conftest import Seen, Station
+from tests.browser.conftest import NEXT_FRAMES, Seen, Station
 
 EARLY = f"{GOOD}&early=6"
 READY = ".panes-room[data-frame]"
@@ -120,14 +120,14 @@ def test_the_difference_is_where_the_defect_is(seen: Seen, bad: dict[str, Any]) 
     x0, y0, x1, y1 = truth[peak].defects[0].box
     # what this test reads back, nobody else does
     seen.excused = ["willReadFrequently"]
-    page.wait_for_timeout(100)
+    # the boxes are gone
+    page.wait_for_function(f"() => ({INK})('seen').length === 0")
+    page.evaluate(NEXT_FRAMES)
     ink = page.evaluate(INK, "difference")
     inside = [(x, y) for x, y in ink if x0 - 4 <= x <= x1 + 4 and y0 - 4 <= y <= y1 + 4]
     assert len(inside) > 0.8 * len(ink) > 0
-    assert page.evaluate(INK, "seen") == []
     page.locator(".panes-tools label", has_text="Difference over").click()
-    page.wait_for_timeout(100)
-    assert len(page.evaluate(INK, "seen")) > 0.5 * len(inside)
+    page.wait_for_function(f"least => ({INK})('seen').length > least", arg=0.5 * len(inside))
 
 
 def test_the_slider_goes_by_keys_and_the_address_follows(seen: Seen, bad: dict[str, Any]) -> None:

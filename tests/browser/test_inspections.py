@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import httpx2
 import pytest
 
+from tests import patience
 from tests.api.stations import BAD, GOOD, copied, taught
 from tests.browser.conftest import Seen, Station
 
@@ -130,7 +130,7 @@ def test_what_comes_is_there_by_itself(seen: Seen, station: Station) -> None:
     assert after["y"] == pytest.approx(before["y"], abs=1)
     said = {"decision": "overrule", "verdict": "OK"}
     address = f"{station.url}/v1/inspections/{result['inspection_id']}/disposition"
-    httpx2.post(address, json=said).raise_for_status()
+    patience.post(address, json=said).raise_for_status()
     page.evaluate("document.querySelector('.inspection-list').scrollTop = 0")
     page.wait_for_selector(f"{ROWS}:first-child >> text=says OK")
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from threading import Event
 from typing import Any
 
-import httpx2
 import pytest
 
 from inspector.cameras import open_camera
 from inspector.recorder import record
 from models.verdict import ALLOWED, Policy
+from tests import patience
 from tests.api.stations import BAD, GOOD, PRODUCT, material
-from tests.browser.conftest import NEXT_FRAMES, Seen, Station
+from tests.browser.conftest import Seen, Station
 
 RECIPE = f"#/recipe/{PRODUCT}"
 QUICK = "simulated:?frames=22&size=240x180&part=plate&path=line&pace=0.5"
@@ -29,7 +30,7 @@ def inspected(station: Station) -> list[dict[str, Any]]:
 
 def ask(station: Station, path: str, **body: Any) -> Any:
     path = f"{station.url}/v1/products/{PRODUCT}{path}"
-    return (httpx2.post(path, json=body) if body else httpx2.get(path)).json()
+    return (patience.post(path, json=body) if body else patience.get(path)).json()
 
 
 def rejudged(seen: Seen, changed: int) -> None:
@@ -126,7 +127,7 @@ def test_a_golden_sweep_is_uploaded_and_learnt_from(seen: Seen, station: Station
     assert [each.input_value() for each in page.locator("table.masks input").all()] == ["120", "90", "20", "10"]
     page.click("text=Learn with these")
     page.wait_for_selector(".news >> text=is learnt with the masks")
-    first, second = httpx2.get(f"{station.url}/v1/products/fresh/appearances").json()["items"]
+    first, second = patience.get(f"{station.url}/v1/products/fresh/appearances").json()["items"]
     assert first["sweep_ids"] == second["sweep_ids"]
     assert first["appearance_id"] != second["appearance_id"]
 
@@ -140,13 +141,26 @@ def test_while_it_learns_it_says_how_far_it_is_and_then_where_the_sweep_was_too_
         with open_camera(f"{QUICK}&unit={number}&seed={number}") as camera:
             record(camera, path, lossless=True)
         address = f"{station.url}/v1/products/quick/sweeps?part_id=G{number}"
-        httpx2.post(address, content=path.read_bytes(), headers=mcap).raise_for_status()
+        patience.post(address, content=path.read_bytes(), headers=mcap).raise_for_status()
     page = seen.open("#/recipe/quick", wait=".sweeps tbody tr")
     for number in (1, 2, 3):
         page.get_by_label(f"Learn from sweep of G{number}").check()
+    held, is_seen = list[Any](), Event()
+
+    def hold(route: Any) -> None:
+        if is_seen.is_set():
+            route.continue_()
+        else:
+            held.append(route)
+
+    # However quick it is, it is not over before it was seen.
+    page.route("**/v1/jobs/*", hold)
     page.click("text=Learn from 3 sweeps")
     page.wait_for_selector(".job progress")
     seen.shot("recipe-learning", full=True)
+    is_seen.set()
+    for route in held:
+        route.continue_()
     page.wait_for_selector(".news >> text=is learnt")
     page.wait_for_selector(".advice li >> text=times slower")
     assert "From 3 sweeps" in page.inner_text(".facts").replace("\n", " ")
@@ -190,6 +204,7 @@ def test_a_mask_drawn_with_the_mouse_and_learnt_silences_the_region(seen: Seen, 
     s = float(page.inner_text("text=/Nearest reference picture: s/").split()[-1])
     frame = min((each for each in before["frames"] if each["regions"]), key=lambda each: abs(each["s"] - s))
     drag(seen, frame["regions"][0], width=240, margin=14)
+    page.wait_for_selector("table.masks tbody tr")
     assert page.locator("table.masks tbody tr").count() == 1
     seen.both("recipe-masks", full=True)
     page.click("text=Learn with these")
@@ -204,13 +219,13 @@ def test_masks_that_are_learnt_are_shown_kept_and_taken_away(seen: Seen, station
     golden = (material() / "golden.mcap").read_bytes()
     path = f"{station.url}/v1/products/kept"
     mcap = {"content-type": "application/octet-stream"}
-    sweep_id = httpx2.post(f"{path}/sweeps", content=golden, headers=mcap).json()["sweep_id"]
+    sweep_id = patience.post(f"{path}/sweeps", content=golden, headers=mcap).json()["sweep_id"]
     with station.client() as client:
         learnt = client.learn("kept", [sweep_id])
         client.make_recipe("kept", learnt)
 
     def newest() -> dict[str, Any]:
-        return httpx2.get(f"{path}/appearances").json()["items"][0]["facts"]
+        return patience.get(f"{path}/appearances").json()["items"][0]["facts"]
 
     page = seen.open("#/recipe/kept?tab=masks", wait="text=Nearest reference picture")
     keep = page.get_by_label("Keep what is masked already")
@@ -232,8 +247,7 @@ def test_masks_that_are_learnt_are_shown_kept_and_taken_away(seen: Seen, station
     seen.both("recipe-masks-kept")
     striped = page.evaluate(drawn)
     keep.uncheck()
-    page.evaluate(NEXT_FRAMES)
-    assert page.evaluate(drawn) != striped
+    page.wait_for_function(f"before => ({drawn})() !== before", arg=striped)
     page.click("text=Learn without masks")
     page.wait_for_selector(".news >> text=is learnt with the masks")
     assert page.get_by_label("Appearance").input_value() == learnt

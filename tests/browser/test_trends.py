@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 
-import httpx2
 import pytest
 
 from inspector.stores import open_store
+from tests import patience
 from tests.api.stations import PRODUCT, came_out, taught
 from tests.browser.conftest import Seen, Station
 
@@ -64,7 +64,7 @@ def test_what_is_out_of_control_is_told_and_since_when_scores_moved(seen: Seen, 
 def test_what_people_said_is_counted(seen: Seen, station: Station) -> None:
     def say(part: str, verdict: str) -> None:
         said = {"decision": "overrule", "verdict": verdict}
-        httpx2.post(f"{station.url}/v1/inspections/{part}/disposition", json=said).raise_for_status()
+        patience.post(f"{station.url}/v1/inspections/{part}/disposition", json=said).raise_for_status()
 
     say("part000", "NG")
     say("part007", "OK")

@@ -30,21 +30,29 @@ export async function show(root, params, app) {
   let last = [];
   let products = [];
   let knownAt = Date.now();
+  /** While lists are read: what has begun and what has ended since they were asked for. They may not know. */
+  const readings = new Set();
 
   async function read() {
-    const [all, list, running] = await Promise.all([
+    const since = { begun: new Set(), ended: new Set() };
+    readings.add(since);
+    const [all, list, processing] = await Promise.all([
       api.list("/v1/products", { most: 200 }),
       api.list("/v1/inspections", { source: "live", most: STRIP + MOST_LANES }),
       api.list("/v1/inspections", { state: "processing", source: "live", most: 200 }),
-    ]);
+    ]).finally(() => readings.delete(since));
     products = all;
-    last = list.filter((each) => each.state !== "processing").slice(0, STRIP);
+    const ended = list.filter((each) => each.state !== "processing");
+    const known = new Set(ended.map((each) => each.inspection_id));
+    const unknown = last.filter(({ inspection_id: id }) => since.ended.has(id) && !known.has(id));
+    last = [...unknown, ...ended].slice(0, STRIP);
+    const running = processing.filter((each) => !since.ended.has(each.inspection_id));
     const wanted = new Map(running.map((each) => [each.inspection_id, each]));
     for (const product of all) {
       const latest = last.find((each) => each.product_id === product.product_id);
       if (latest && !running.some((each) => each.product_id === product.product_id)) wanted.set(latest.inspection_id, latest);
     }
-    for (const id of [...lives.keys()]) if (!wanted.has(id)) lives.delete(id);
+    for (const id of [...lives.keys()]) if (!wanted.has(id) && !since.begun.has(id) && !since.ended.has(id)) lives.delete(id);
     for (const [id, facts] of wanted) {
       if (lives.has(id)) lives.get(id).know(facts);
       else lives.set(id, new Live(facts));
@@ -191,6 +199,7 @@ export async function show(root, params, app) {
   });
 
   function ended(facts) {
+    for (const since of readings) since.ended.add(facts.inspection_id);
     const live = lives.get(facts.inspection_id);
     last = [{ ended_ns: Date.now() * 1e6, ...live?.facts, ...facts }, ...last].slice(0, STRIP);
     tellStrip();
@@ -228,6 +237,7 @@ export async function show(root, params, app) {
   };
   const offs = [
     events.on("begun", (facts) => {
+      for (const since of readings) since.begun.add(facts.inspection_id);
       lives.set(facts.inspection_id, new Live(facts));
       if (!products.some((each) => each.product_id === facts.product_id)) reload();
       arrange();
