@@ -103,12 +103,9 @@ def teach(service: Any, policy: Policy = Policy()) -> str:  # noqa: B008 (a froz
 
 
 def taught(data: Path, database: str | None = None) -> Path:
-    """The folder of a service that does not run yet, in which the product is learnt; its database, where named."""
-    folder = DataFolder(data)
-    store = open_store(database or f"sqlite:{folder.path / 'service.sqlite'}")
-    teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
-    store.close()
-    folder.close()
+    """The folder of a service that does not run yet, in which the product is learnt; a database may be named."""
+    with closing(DataFolder(data)) as folder, open_store(database or f"sqlite:{data / 'service.sqlite'}") as store:
+        teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))
     return data
 
 

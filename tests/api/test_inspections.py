@@ -437,9 +437,7 @@ def test_what_could_not_be_stored_is_tried_again_and_told_as_it_was(client: Test
         assert "the disk is full" in client.post(f"/v1/inspections/{inspection}/conclude").json()["detail"]
     finally:
         behind(service.store, "DROP TRIGGER full")
-    deadline = time.monotonic() + 60
-    while (told := client.get(f"/v1/inspections/{inspection}").json())["state"] == "processing":
-        assert time.monotonic() < deadline
+    told = over(client, inspection)
     assert (told["state"], told["verdict"], told["reason"]) == ("completed", "NG", None)
 
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -22,9 +19,8 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
-from inspector.service.folder import DataFolder
-from inspector.stores import open_store
-from tests.api.stations import teach
+from tests import patience
+from tests.api.stations import taught
 from tests.system.test_serve import Server, running
 
 CHECKS = [
@@ -41,11 +37,7 @@ ENDLESS = ("/v1/events",)
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """With a product that is learnt."""
-    data: Path = tmp_path_factory.mktemp("documented")
-    folder = DataFolder(data)
-    with open_store(f"sqlite:{data / 'service.sqlite'}") as store:
-        teach(SimpleNamespace(folder=folder, store=store, now_ns=time.time_ns))  # type: ignore[arg-type]
-    folder.close()
+    data = taught(tmp_path_factory.mktemp("documented"))
     with running(data, INSPECTOR_IDLE_SECONDS="2", INSPECTOR_CAMERAS='{"top": "simulated:?frames=3"}') as server:
         yield server
         code, err = server.end()
@@ -68,7 +60,7 @@ def _try(operation: Any, mode: GenerationMode, tried: set[str]) -> None:
     @given(operation.as_strategy(generation_mode=mode))
     def ask(case: Any) -> None:
         tried.add(operation.label)
-        case.call_and_validate(checks=CHECKS, timeout=30)
+        case.call_and_validate(checks=CHECKS, timeout=patience.SECONDS)
 
     # Nothing can be wrong with a request that has nothing in it.
     with suppress(Unsatisfiable):

@@ -68,7 +68,7 @@ def test_a_database_that_does_not_answer_does_not_hold_up_the_end(tmp_path: Path
         data, told = taught(tmp_path / "data", database), list[dict[str, Any]]()
         with serve(data, program=impatient, database=database) as served:
             asked = {"product_id": PRODUCT, "part_id": "half"}
-            inspection = httpx2.post(f"{served.url}/v1/inspections", json=asked).json()["inspection_id"]
+            inspection = patience.post(f"{served.url}/v1/inspections", json=asked).json()["inspection_id"]
             with connect(f"{served.url.replace('http', 'ws')}/v1/inspections/{inspection}/stream") as stream:
                 for frame in frames()[:20]:
                     stream.send(sent(frame))
@@ -78,9 +78,9 @@ def test_a_database_that_does_not_answer_does_not_hold_up_the_end(tmp_path: Path
                     served.process.terminate()
                     with pytest.raises(ConnectionClosed):
                         told += map(json.loads, iter(stream.recv, None))
-                    assert served.process.wait(60) == 1
+                    assert served.process.wait(patience.SECONDS) == 1
         assert "not stopped in time" in served.log.read_text()
         # Who scores outlives the service for a moment, and closes it.
         until(lambda: recorded(data / "inspections" / f"{inspection}.mcap") == ([*range(20)], ()), served.log.read_text)
         with serve(data, database=database) as served:
-            assert httpx2.post(f"{served.url}/v1/inspections/{inspection}/conclude").json()["frames_scored"] == 20
+            assert patience.post(f"{served.url}/v1/inspections/{inspection}/conclude").json()["frames_scored"] == 20
