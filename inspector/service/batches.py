@@ -22,7 +22,7 @@ from inspector.service.recipes import recipe_of
 from inspector.service.recognising import Recognising
 from inspector.service.replays import Replay, Replays
 from inspector.stores.base import AbstractStore
-from inspector.stores.errors import IdTaken, NoSuchInspection, NoSuchRecipe, NoSuchSweep
+from inspector.stores.errors import IdTaken, NoSuchInspection, NoSuchSweep
 from inspector.stores.records import Json, StoredInspection, Sweep
 from models.errors import InspectionError
 from models.verdict import Policy
@@ -94,8 +94,6 @@ class Batches:
         The recipe is the active one where none is named. Raises NoSuch, NoRecipe, NothingChosen.
         """
         recipe = recipe_of(self._store, product_id, recipe_id)
-        if recipe.product_id != product_id:
-            raise NoSuchRecipe(recipe.recipe_id)
         if ids is not None:
             chosen = list(dict.fromkeys(ids))
             for each in chosen:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from inspector.service.errors import NoRecipe
 from inspector.stores.base import AbstractStore
+from inspector.stores.errors import NoSuchRecipe
 from inspector.stores.records import Recipe
 
 _MOST = 200
@@ -13,10 +14,13 @@ _MOST = 200
 
 
 def recipe_of(store: AbstractStore, product_id: str, recipe_id: str | None) -> Recipe:
-    """The recipe of that id, or the product's active one. Raises NoSuchProduct, NoSuchRecipe, NoRecipe."""
+    """The product's recipe of that id, or its active one. Raises NoSuchProduct, NoSuchRecipe, NoRecipe."""
     recipe = store.active_recipe(product_id) if recipe_id is None else store.recipe(recipe_id)
     if recipe is None:
         raise NoRecipe(product_id)
+    if recipe.product_id != product_id:
+        store.product(product_id)
+        raise NoSuchRecipe(recipe.recipe_id)
     return recipe
 
 

@@ -8,6 +8,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -282,6 +283,17 @@ def test_an_inspection_of_nothing_known_is_not_begun(client: TestClient, asked: 
 def test_a_product_without_a_recipe_says_what_is_missing(client: TestClient, service: Service):
     service.store.ensure_product("bare", service.now_ns())
     wrong(client.post("/v1/inspections", json={"product_id": "bare", "part_id": "1"}), 409, "no active recipe")
+
+
+def test_a_part_is_not_inspected_by_the_recipe_of_another_product(client: TestClient, service: Service):
+    # Both have learnt the same, so that nothing but the recipe's own product stands in the way.
+    recipe = service.store.active_recipe(PRODUCT)
+    assert recipe is not None
+    service.store.ensure_product("other", service.now_ns())
+    service.store.add_appearance(replace(service.store.appearance(PRODUCT, learnt().id), product_id="other"))
+    for product_id, said in (("other", f"no recipe '{recipe.recipe_id}'"), ("unknown", "no product 'unknown'")):
+        asked = {"product_id": product_id, "part_id": "1", "recipe_id": recipe.recipe_id}
+        wrong(client.post("/v1/inspections", json=asked), 404, said)
 
 
 def test_an_aborted_inspection_is_never_ok(client: TestClient):
