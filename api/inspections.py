@@ -70,7 +70,11 @@ async def inspections(
 @router.get("/{inspection_id}", response_model=Inspection, responses=problems(404))
 async def inspection(request: Request, inspection_id: Id, service: ServiceDep, who: Viewer) -> Response:
     """How far it is, or what came of it."""
-    return tagged(request, told(await in_thread(service.store.inspection, inspection_id), service))
+    known = told(await in_thread(service.store.inspection, inspection_id), service)
+    running = service.inspections.find(inspection_id)
+    if known.state == "processing" and running is not None:
+        known.so_far = running.so_far
+    return tagged(request, known)
 
 
 @router.get("/{inspection_id}/result", responses=problems(404, 409) | {200: {"description": "The result."}})

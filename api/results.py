@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -62,6 +63,9 @@ class Inspection(BaseModel):
     """The number that the next frame may have, where it is processing here."""
     profile: list[float | None] | None
     """The highest score in each fiftieth of the sweep; in lists only where it is asked for."""
+    so_far: list[dict[str, Any]] | None = None
+    """What was found until now, as the stream tells it: `deviation_opened`, `deviation_closed`, `early_ng`,
+    `early_invalid`, `recognised`, `part_found`. None in lists, and where it is not processing here."""
 
 
 def told(stored: StoredInspection, service: Service, profile: bool = True) -> Inspection:

@@ -28,7 +28,7 @@ from inspector.stores.records import StoredInspection
 
 FACTS = "inspection_id", "product_id", "part_id", "recipe_id", "appearance_id"
 """What names an inspection to whoever is told of it."""
-_NEWS = frozenset({"deviation_opened", "deviation_closed", "early_ng", "early_invalid", "part_found"})
+_NEWS = frozenset({"deviation_opened", "deviation_closed", "early_ng", "early_invalid", "recognised", "part_found"})
 """Kinds of messages that dashboards are told at once."""
 Phase = Literal["open", "ending", "unsaved", "ended", "moved"]
 Outcome = Literal["taken", "dropped", "duplicate"]
@@ -158,6 +158,7 @@ class Running:
         self._said: dict[int, int] = {}
         """Where in `messages` the answer to a frame is, by its sequence."""
         self._scored_at: list[int] = []
+        self._news_at: list[int] = []
         """Where in `messages` the scored frames are, by their index."""
         self._briefs: list[object] = []
         self._dropped = 0
@@ -176,6 +177,11 @@ class Running:
     def lost(self) -> int:
         """Frames that came or were announced, were not scored, and do not wait for it."""
         return 0 if self._first is None else self.next_sequence - self._first - self.scored - self.waiting
+
+    @property
+    def so_far(self) -> list[Head]:
+        """What was found until now, as the messages that told it."""
+        return [json.loads(self.messages[at]) for at in self._news_at]
 
     def begin(self, appearance: Path, record_to: Path, restored: Restored | None = None) -> None:
         """Ask the scorer to make it ready, from the beginning or to go on; `begun` says when it is."""
@@ -204,6 +210,8 @@ class Running:
             if said["kind"] == "scored":
                 self.scored += 1
                 self._scored_at.append(len(self.messages))
+            if said["kind"] in _NEWS:
+                self._news_at.append(len(self.messages))
             if said["kind"] == "recognised":
                 self.recognised = asyncio.get_running_loop().create_future()
                 self.recognised.set_result({name: value for name, value in said.items() if name != "kind"})
@@ -325,7 +333,8 @@ class Running:
             self._around.events.show(self.inspection_id, shown.to_json(self._names()))
 
     def tell(self, kind: str, said: Head) -> None:
-        """Something that is not an answer to a frame, to whoever feeds it and to dashboards."""
+        """News that no frame brought, to whoever feeds it and to dashboards."""
+        self._news_at.append(len(self.messages))
         self._around.events.publish(kind, **self._names(), **said)
         self._log(_json({"kind": kind, **said}))
 
@@ -380,6 +389,7 @@ class Running:
         self._said[sequence] = len(self.messages)
         for kind, line in zip(head["kinds"], lines, strict=True):
             if kind in _NEWS:
+                self._news_at.append(len(self.messages))
                 self._around.events.publish(kind, **self._names(), **_parsed(line))
             self._log(line, sequence)
         outcome, picture = head["kinds"][0], self._pictures.pop(sequence)

@@ -71,8 +71,14 @@ def test_every_message_is_numbered_and_deviations_are_told_as_they_come(client: 
         talk = Stream(socket)
         talk.hear("ready")
         push(talk, 8)
+        so_far = client.get(f"/v1/inspections/{inspection}").json()["so_far"]
         socket.send_json({"kind": "conclude"})
         result = talk.hear("verdict")["result"]
+    # Who comes later hears of it, too; when it is over, the result tells.
+    found = talk.kinds("deviation_opened", "deviation_closed", "early_ng")
+    assert {"deviation_opened", "early_ng"} <= {each["kind"] for each in so_far}
+    assert so_far == found[: len(so_far)]
+    assert client.get(f"/v1/inspections/{inspection}").json()["so_far"] is None
     numbered = [each for each in talk.said if each["kind"] != "ready"]
     assert [each["n"] for each in numbered] == list(range(len(numbered)))
     opened, early = talk.kinds("deviation_opened"), talk.kinds("early_ng")

@@ -148,6 +148,21 @@ def test_a_part_that_lies_upside_down_is_invalid_while_it_is_there(seen: Seen, s
         seen.both("line-upside-down")
 
 
+def test_who_comes_in_the_middle_sees_what_was_found_before(seen: Seen, station: Station) -> None:
+    with station.sweeping("0051") as send:
+        send(*frames(BAD)[:20])
+        page = seen.open(wait=".lane.is-running[data-verdict=NG]")
+        page.wait_for_selector(".lane.is-running .because >> text=NG is certain already: too bright at s 0.")
+
+
+def test_who_comes_in_the_middle_sees_that_another_part_lies_there(seen: Seen, station: Station) -> None:
+    with station.client() as client, client.begin(PRODUCT, "0052", transport="rest") as inspection:
+        for number, frame in enumerate(reversed(frames(GOOD)[-8:])):
+            inspection.send(Frame(frame.pixels[::-1, ::-1], 40_000_000 * number, number))
+        page = seen.open(wait=".lane.is-running[data-verdict=INVALID]")
+        page.wait_for_selector(".lane.is-running .because >> text=upside down, turned by 180 degrees")
+
+
 def test_who_comes_while_nothing_moves_sees_the_last_picture(seen: Seen, station: Station) -> None:
     with station.sweeping("0050") as send:
         send(*frames(BAD)[:12])

@@ -18,6 +18,9 @@ export class Live {
     this.peak = { score: -1, s: null, index: null };
     this.deviations = new Map();
     this.dropped = 0;
+    /** Whether all that was found is known: heard from the beginning on, or asked for. */
+    this.whole = false;
+    this.heard = null;
     this.early = null;
     this.foreign = null;
     /** Whether the service that had it is gone, and no frame has come since. */
@@ -89,6 +92,35 @@ export class Live {
   addRecords(items) {
     this.add(items.map(({ index, s, score, state }) => [index, s, score, state]));
     this.paced = [];
+  }
+
+  /** What was found, as an event tells it. */
+  tell(message) {
+    this.heard?.push(message);
+    this.note(message);
+  }
+
+  /** What was found before this page listened is being asked for: what is told meanwhile is newer. */
+  ask() {
+    this.heard = [];
+  }
+
+  /** The answer; null where the service that was asked does not know. */
+  recall(soFar) {
+    const heard = this.heard ?? [];
+    this.heard = null;
+    if (soFar === null) return;
+    [...soFar, ...heard].forEach((each) => this.note(each));
+    this.whole = true;
+  }
+
+  note({ kind, ...said }) {
+    if (kind === "deviation_opened") this.deviate(said.deviation, true);
+    else if (kind === "deviation_closed") this.deviate(said.deviation);
+    else if (kind === "early_ng") this.early = said;
+    else if (kind === "early_invalid") this.foreign = said.reason;
+    else if (kind === "recognised") this.foreign &&= said.sentence;
+    else if (kind === "part_found") this.foreign = null;
   }
 
   see(s) {

@@ -151,6 +151,9 @@ def test_it_goes_on_from_where_it_was_saved(
         inspection.send(frame)
     ((_, start),) = kept(two[1][1], inspection).starts
     assert 20 <= start <= 27
+    running = two[1][1].inspections.find(inspection.inspection_id)
+    assert running is not None
+    assert [each["kind"] for each in running.so_far].count("early_ng") == 1
     unhurt(two[1][1], inspection, said, lost=start)
 
 

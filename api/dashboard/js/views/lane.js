@@ -209,7 +209,7 @@ function reason(live) {
     if (live.early) return `NG is certain already: ${found}`;
     if (quiet > QUIET_MS) return `no frame for ${Math.round(quiet / 1000)} s`;
     if (live.state && live.state !== "scored") return STATES[live.state] ?? live.state;
-    return found || (live.peak.index === null ? "" : "within tolerance so far");
+    return found || (live.peak.index === null || !live.whole ? "" : "within tolerance so far");
   }
   if (live.phase === "aborted" || live.phase === "failed") return live.facts.reason ?? "";
   if (live.facts.verdict === "INVALID" && live.facts.reasons?.length) return live.facts.reasons[0];

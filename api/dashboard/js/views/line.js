@@ -72,7 +72,10 @@ export async function show(root, params, app) {
         if (items.length < 5000) break;
         after = next;
       }
-      if (!live.running && live.facts.state === "completed") {
+      if (live.running) {
+        live.ask();
+        live.recall((await api.get(`/v1/inspections/${live.id}`)).so_far);
+      } else if (live.facts.state === "completed") {
         const { deviations, reasons } = await api.get(`/v1/inspections/${live.id}/result?frames=false`);
         live.know({ deviations, reasons });
       }
@@ -238,7 +241,9 @@ export async function show(root, params, app) {
   const offs = [
     events.on("begun", (facts) => {
       for (const since of readings) since.begun.add(facts.inspection_id);
-      lives.set(facts.inspection_id, new Live(facts));
+      const live = new Live(facts);
+      live.whole = true;
+      lives.set(facts.inspection_id, live);
       if (!products.some((each) => each.product_id === facts.product_id)) reload();
       arrange();
     }),
@@ -249,17 +254,21 @@ export async function show(root, params, app) {
         live.dropped = Math.max(lost ?? 0, dropped ?? 0, live.dropped);
       }),
     ),
-    events.on("deviation_opened", of((live, { deviation }) => live.deviate(deviation, true))),
-    events.on("deviation_closed", of((live, { deviation }) => live.deviate(deviation))),
-    events.on("early_ng", of((live, facts) => (live.early = facts))),
+    ...["deviation_opened", "deviation_closed", "early_ng", "early_invalid", "recognised", "part_found"].map((kind) =>
+      events.on(
+        kind,
+        of((live, said) => live.tell({ ...said, kind })),
+      ),
+    ),
     events.on("picture", (data) => shown.find((each) => each.live.id === data.inspection_id)?.see(data)),
-    events.on("early_invalid", of((live, { reason }) => (live.foreign = reason))),
-    events.on("recognised", of((live, { sentence }) => (live.foreign &&= sentence))),
     events.on("interrupted", of((live) => (live.interrupted = true))),
-    events.on("part_found", of((live) => (live.foreign = null))),
     events.on("verdict", ended),
     events.on("aborted", ended),
-    events.on("reload", reload),
+    events.on("reload", () => {
+      // Something was missed.
+      for (const live of lives.values()) live.whole = false;
+      reload();
+    }),
     events.on("job", settled(reload, 1000)),
     events.on("state", tellAway),
   ];
