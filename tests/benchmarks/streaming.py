@@ -41,6 +41,7 @@ from inspector.pictures import decode, encode_jpeg
 from inspector.protocol import SentFrame
 from inspector.recorder import record
 from inspector.recording import SweepReader
+from inspector.service.files import Files
 from inspector.service.folder import DataFolder
 from inspector.stores import open_store
 from inspector.stores.records import StoredAppearance
@@ -67,7 +68,7 @@ def teach(folder: Path, data: Path, database: str | None = None) -> None:
     """A data folder, and a database, in which the product is learnt, with an active recipe."""
     appearance = load_appearance(folder / "plate.appearance")
     place, store, now = DataFolder(data), open_store(database or f"sqlite:{data / 'service.sqlite'}"), time.time_ns()
-    place.appearance(appearance.id).write_bytes(appearance.to_bytes())
+    Files(place).local_appearance(appearance.id).write_bytes(appearance.to_bytes())
     store.ensure_product(PRODUCT, now)
     store.add_appearance(StoredAppearance(appearance.id, PRODUCT, now, (), {}, (), 1))
     store.add_recipe("recipe", PRODUCT, appearance.id, asdict(Policy()), actor="benchmark", t_ns=now)
