@@ -11,6 +11,7 @@ from tests.system.clustered import Cluster
 from tests.system.lines import EACH_SECONDS, Dashboard, Gate, come_to_the_middle, end_well, started
 
 STREAMS, TOLD_SECONDS = 16, 5.0
+"""Seconds of a machine that has a processor for whoever wants one."""
 
 
 def round_with_a_death(
@@ -19,16 +20,14 @@ def round_with_a_death(
     kill: Callable[[], None],
     folder: Path,
     *,
-    told_seconds: float = TOLD_SECONDS,
     each: float = EACH_SECONDS,
     replaced: bool = False,
 ) -> set[str]:
     """Of two services one is killed while both have streams; these. Every dashboard has seen all of them begin.
 
-    Its streams go on within `told_seconds`; those of the other lose no frame, and do not move, unless the dead one is
+    Its streams go on within TOLD_SECONDS; those of the other lose no frame, and do not move, unless the dead one is
     `replaced` meanwhile by one that some are handed to, or the front took both for gone; all come out as their
-    recordings do, and what was concluded before is there. `each`: seconds of a frame. `told_seconds` are of a machine
-    that has a processor for whoever wants one.
+    recordings do, and what was concluded before is there. `each`: seconds of a frame.
     """
     before = started(made, 4, each=0.0)
     end_well(made, before)
@@ -53,7 +52,7 @@ def round_with_a_death(
     assert any(of_one == moved if exactly else of_one <= moved for of_one in of_each)
     silences = {part.inspection: part.silence(killed) for part in parts}
     print(f"{len(moved)} of {len(parts)} moved; first words after {max(silences[each] for each in moved):.2f} s")
-    assert max(silences.values()) < told_seconds * patience.crowded()
+    assert max(silences.values()) < TOLD_SECONDS * patience.crowded()
     for part in parts:
         part.check_recording(made, folder, lost=part.inspection in moved)
     end_well(made, before)

@@ -13,8 +13,6 @@ from tests.system.lines import Dashboard
 from tests.system.ray_serve import ray_serve
 from tests.system.rounds import round_with_a_death
 
-TOLD_SECONDS = 20.0
-"""Three were measured, six where many used the two processors: Ray starts another replica on them meanwhile."""
 pytestmark = pytest.mark.cluster
 
 
@@ -25,8 +23,6 @@ def test_a_replica_is_killed_and_every_line_goes_on_and_a_dashboard_on_either_se
         for board in boards:
             held.callback(board.close)
         gone, stays = ray.replicas()
-        round_with_a_death(
-            made, boards, lambda: ray.kill(gone), tmp_path, told_seconds=TOLD_SECONDS, each=0.25, replaced=True
-        )
+        round_with_a_death(made, boards, lambda: ray.kill(gone), tmp_path, each=0.25, replaced=True)
         until(lambda: len(ray.replicas()) == 2, lambda: "Ray starts no other replica")
         assert stays in ray.replicas()
