@@ -23,7 +23,7 @@ from inspector.service.folder import new_id
 from inspector.service.metrics import Metrics
 from inspector.stores.base import AbstractStore
 from inspector.stores.errors import JobEnded
-from inspector.stores.records import Job, JobKind, Json
+from inspector.stores.records import Job, JobKind, JobState, Json
 from models.errors import InspectionError
 
 T = TypeVar("T")
@@ -118,15 +118,10 @@ class Jobs:
 
         Whoever does it finds out when it next tells how far it is. Raises NoSuchJob, JobEnded.
         """
-        why, now_ns = f"it was cancelled by {actor}", self._now_ns()
-        job = await asyncio.to_thread(
-            self._store.update_job, job_id, state="failed", ended_ns=now_ns, error=why
-        )  # fmt: skip
-        _log.info("job", job_id=job_id, work=job.kind, state="failed", error=why)
-        self._metrics.jobs.labels(job.kind, "failed").inc()
-        self._events.publish_soon(
-            "job", work=job.kind, job_id=job_id, product_id=job.product_id, state="failed", error=why
-        )
+        error = f"it was cancelled by {actor}"
+        change = self._store.update_job
+        job = await asyncio.to_thread(change, job_id, state="failed", ended_ns=self._now_ns(), error=error)
+        self._tell_end(job, "failed", error)
         return job
 
     def close(self) -> None:
@@ -160,7 +155,7 @@ class Jobs:
         self._events.publish_soon("job", job_id=job.job_id, state="running", progress=round(share, 3))
 
     def _end(self, job: Job, outcome: Json | None = None, error: str | None = None) -> None:
-        state = "done" if error is None else "failed"
+        state: JobState = "done" if error is None else "failed"
         try:
             self._store.update_job(
                 job.job_id,
@@ -177,6 +172,10 @@ class Jobs:
         except InspectionError as trouble:
             # The next start finds the job running, and fails it; or other services did that already.
             _log.error("job not stored", job_id=job.job_id, state=state, error=str(trouble))
+        self._tell_end(job, state, error, outcome)
+
+    def _tell_end(self, job: Job, state: JobState, error: str | None, outcome: Json | None = None) -> None:
+        """To the log, the figures and dashboards."""
         names = {"work": job.kind, "job_id": job.job_id, "product_id": job.product_id}
         _log.info("job", **names, state=state, error=error, seconds=round((self._now_ns() - job.created_ns) / 1e9, 3))
         self._metrics.jobs.labels(job.kind, state).inc()
